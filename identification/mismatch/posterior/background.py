@@ -39,8 +39,8 @@ LEVELS = ("tilt", "lift", "trim", "yaw_trim")
 FIXED = "fixed"
 """Groups of amplitude 1: their columns have the size of a standard deviation."""
 LIFT_OF_ALL = "lift_of_all"
-"""Thrust of all flights, which is a little wrong in the place of the terms that would say so: their gains of torque
-would be dragged along."""
+"""Thrust of all flights, which is a little wrong in the place of the terms that would say so, whose gains of torque
+would be dragged along. Beside such a term it is not: the two would cancel, and leave a drag."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def background_of(wrench: Wrench, space: Space, effects: Sequence[Effect], arm: 
     def in_body(world: np.ndarray) -> np.ndarray:
         return np.asarray(np.einsum("nji,njk->nik", frame, world))
 
-    _levels(found, wrench, made, quaternion, arm)
+    _levels(found, wrench, effects, made, quaternion, arm)
     place, air = wrench.of("position_m", at), so3.rotate_inverse(quaternion, wrench.of("velocity_m_s", at))
     load = np.sqrt(np.mean(wrench.of("motor", at) ** 2, axis=1))
     found.add("place", in_body(_on_axes(fourier(place, FEATURES, PLACE_LENGTH, rng))))
@@ -139,14 +139,15 @@ def background_of(wrench: Wrench, space: Space, effects: Sequence[Effect], arm: 
     return found.done()
 
 
-def _levels(found: _Columns, wrench: Wrench, made: np.ndarray, quaternion: np.ndarray, arm: np.ndarray) -> None:
+def _levels(found: _Columns, wrench: Wrench, effects: Sequence[Effect], made: np.ndarray, quaternion: np.ndarray,
+            arm: np.ndarray) -> None:
     """Of every flight beside the mean of all: tilt of the markers, thrust as a whole, trim of the motors; per m/s^2.
     What all flights share is no part of it: large equal levels would cancel against large effects."""
     flights = np.unique(wrench.flight)
     many = len(flights)
     up = so3.rotate_inverse(quaternion, np.array([0.0, 0.0, 1.0]))
-    lift = made + 9.81 * up
-    lift /= max(float(rms(lift)), 1e-6)
+    lift = next((e.force[..., 0] for e in effects if e.term == "thrust_scale"), (made + 9.81 * up) * [0.0, 0.0, 1.0])
+    lift = lift / max(float(rms(lift)), 1e-6)
     found.add(LIFT_OF_ALL, lift[..., None])
     if many < 2:
         return

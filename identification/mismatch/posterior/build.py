@@ -43,15 +43,16 @@ class Case:
         both = np.concatenate([self.values[:, :-1], asked], axis=1)
         return np.stack([both[mine].T @ asked[mine] for mine in self.rows_by_flight])
 
-    def beside(self, across: np.ndarray, without: Sequence[int] = ()) -> np.ndarray:
+    def beside(self, across: np.ndarray, chosen: tuple[int, ...], without: Sequence[int] = ()) -> np.ndarray:
         """(k, k) inner products of the columns of ``across`` with all that stands beside a set integrated out;
         ``without`` some flights."""
-        keep, key = ~np.isin(self.flights, list(without)), tuple(sorted(without))
+        lifted = self.evidence.takes_lift(chosen)
+        keep, key = ~np.isin(self.flights, list(without)), (lifted, *sorted(without))
         if key not in self._factors:
-            self._factors[key] = self.evidence.factor_beside(self.grams[keep].sum(0)[:-1, :-1])
+            self._factors[key] = self.evidence.factor_beside(self.grams[keep].sum(0)[:-1, :-1], lifted)
         mine = across[keep].sum(0)
         many = self.values.shape[1] - 1
-        return self.evidence.beside(self._factors[key], mine[:many], mine[many:])
+        return self.evidence.beside(self._factors[key], mine[:many], mine[many:], lifted)
 
     def give_up(self, terms: set[str]) -> None:
         """As ``Evidence.give_up``."""

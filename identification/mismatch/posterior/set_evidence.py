@@ -94,6 +94,8 @@ class Evidence:
     given_up: set[str] = field(default_factory=set)
     rest: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
     """(P + 1, P + 1) Gram matrix of effects and residual with everything that stands beside them integrated out."""
+    lifted: tuple[np.ndarray, float] = field(default_factory=lambda: (np.zeros((0, 0)), 0.0), repr=False)
+    """The same beside sets that say what thrust is (``takes_lift``), and the log evidence of none over ``rest``."""
 
     @property
     def P(self) -> int:
@@ -135,24 +137,25 @@ class Evidence:
             self.sets[chosen] = self.weighed(chosen)[0] + self.log_prior(chosen)
         return self.sets[chosen]
 
-    def factor_beside(self, gram: np.ndarray) -> np.ndarray:
-        """Of ``gram`` (P + Q, P + Q) of all that stands beside a set."""
-        return _factor(gram, self._deviations())
+    def factor_beside(self, gram: np.ndarray, lifted: bool) -> np.ndarray:
+        """Of ``gram`` (P + Q, P + Q) of all that stands beside a set; ``lifted``: ``takes_lift`` of it."""
+        return _factor(gram, self._deviations(lifted))
 
-    def beside(self, factor: np.ndarray, across: np.ndarray, asked: np.ndarray) -> np.ndarray:
+    def beside(self, factor: np.ndarray, across: np.ndarray, asked: np.ndarray, lifted: bool) -> np.ndarray:
         """(k, k) inner products of further columns, ``asked``, with all that stands beside a set integrated out;
         ``across`` (P + Q, k) with the further ones."""
-        taken = solve_triangular(factor, across * self._deviations()[:, None], lower=True)
+        taken = solve_triangular(factor, across * self._deviations(lifted)[:, None], lower=True)
         return np.asarray(asked - taken.T @ taken)
 
-    def _deviations(self) -> np.ndarray:
-        return np.concatenate([self.spike, [self.amplitudes.get(g, 1.0) for g in self.background.group.tolist()]])
+    def _deviations(self, lifted: bool) -> np.ndarray:
+        amplitudes = {**self.amplitudes, LIFT_OF_ALL: 0.0} if lifted else self.amplitudes
+        return np.concatenate([self.spike, [amplitudes.get(g, 1.0) for g in self.background.group.tolist()]])
 
     def everything(self, chosen: tuple[int, ...]) -> np.ndarray:
         """(P + Q,) posterior mean of all columns, given a set: how far terms are off beside it, and the background."""
         shift = np.zeros(self.P + len(self.background.group))
         shift[self.columns(chosen)] = self.weighed(chosen)[1]
-        deviation = self._deviations()
+        deviation = self._deviations(self.takes_lift(chosen))
         right = deviation * (self.gram[:-1, -1] - self.gram[:-1, :-1] @ shift)
         factor = _factor(self.gram[:-1, :-1], deviation)
         return np.asarray(deviation * solve_triangular(factor.T, solve_triangular(factor, right, lower=True),
@@ -161,9 +164,9 @@ class Evidence:
     def weighed(self, chosen: tuple[int, ...]) -> tuple[float, np.ndarray, np.ndarray]:
         """Log evidence of a set over none, sizes marginalised; its coefficients and their slab at the most probable
         scales."""
-        left = self.rest
         if not chosen:
             return 0.0, np.zeros(0), np.zeros(0)
+        left, over = self.lifted if self.takes_lift(chosen) else (self.rest, 0.0)
         index = self.columns(chosen)
         own = np.searchsorted(np.array(chosen), self.owner[index])
         scales = np.array(list(itertools.product(SCALES, repeat=len(chosen))))
@@ -175,7 +178,7 @@ class Evidence:
         log = 0.5 * np.einsum("ck,ck->c", right, solved) - 0.5 * np.linalg.slogdet(normal)[1] + weight
         best = int(np.argmax(log))
         coefficients = slab[best] * solved[best]
-        total = float(np.logaddexp.reduce(log)) + self._within(index, coefficients, slab[best], normal[best])
+        total = over + float(np.logaddexp.reduce(log)) + self._within(index, coefficients, slab[best], normal[best])
         if len(chosen) > 1 and self._cancel(index, own, coefficients):
             total -= 1e6
         return total, coefficients, slab[best]
@@ -210,11 +213,24 @@ class Evidence:
         levels = np.array([_shared(t, self.amplitudes) for t in terms]) / np.sqrt(max(self.flights, 1))
         loose = self.believed * [0.0 if t in OFFSETS else SHAKE if t in GAINS else LOOSE for t in terms]
         spike = np.sqrt(SPIKE**2 + loose**2 + feigned**2 + levels**2)
-        twins = np.array([t in TWINS for t in terms])
+        twins = np.array([t in TWINS for t in terms], bool)
         self.amplitudes[LIFT_OF_ALL] = float(np.max(spike[twins], initial=0.0))
         spike[twins] = 0.0
         self.spike = np.minimum(spike, self.room)
-        self.rest = self.reduced(self.without_background(self.amplitudes)[0], self.spike)[0]
+        self._reduce()
+
+    def _reduce(self) -> None:
+        found = []
+        for amplitudes in (self.amplitudes, {**self.amplitudes, LIFT_OF_ALL: 0.0}):
+            left, determinant = self.without_background(amplitudes)
+            rest, log = self.reduced(left, self.spike)
+            found.append((rest, log - determinant))
+        (self.rest, none), (rest, lifted) = found
+        self.lifted = rest, lifted - none
+
+    def takes_lift(self, chosen: Iterable[int]) -> bool:
+        """Whether a set says what thrust as a whole is."""
+        return any(self.effects[i].term in TWINS for i in chosen)
 
     def _unnamed(self, spike: np.ndarray) -> np.ndarray:
         """(6,) m/s^2 RMS of the discrepancy on these flights, with every term free: of force whole, since the frame
@@ -277,7 +293,7 @@ class Evidence:
         like."""
         self.given_up |= terms
         self.spike[[self.effects[i].term in terms for i in self.owner]] = FREE
-        self.rest = self.reduced(self.without_background(self.amplitudes)[0], self.spike)[0]
+        self._reduce()
         self.weigh()
 
     def weigh(self, further: int = 60) -> None:

@@ -10,7 +10,9 @@ import numpy as np
 from nanobench_tools.physics import Model
 
 from ..space import with_other_map
+from .background import LIFT_OF_ALL
 from .build import Case
+from .set_evidence import TWINS
 
 STEPS, NEAR = 8, 0.1
 """Gauss-Newton steps; of a standard deviation: a shorter step is none."""
@@ -40,15 +42,15 @@ class Refined:
         if not self.chosen:
             return self.step
         unit = case.evidence.unit[case.evidence.columns(self.chosen)]
-        found, _ = _solved(case, self.across, self.slab, self.at * unit, flights)
+        found, _ = _solved(case, self.chosen, self.across, self.slab, self.at * unit, flights)
         return _inside(case, self.chosen, found / unit)
 
 
-def _solved(case: Case, across: np.ndarray, slab: np.ndarray, at: np.ndarray,
+def _solved(case: Case, chosen: tuple[int, ...], across: np.ndarray, slab: np.ndarray, at: np.ndarray,
             without: Sequence[int] = ()) -> tuple[np.ndarray, np.ndarray]:
     """(k,) most probable coefficients, where ``across`` is of slopes and of what is left at coefficients ``at``; (k, k)
     their covariance."""
-    reduced = case.beside(across, without)
+    reduced = case.beside(across, chosen, without)
     covariance = np.linalg.inv(reduced[:-1, :-1] + np.diag(slab**-2.0))
     return np.asarray(covariance @ (reduced[:-1, -1] + reduced[:-1, :-1] @ at)), covariance
 
@@ -69,10 +71,13 @@ def refine(case: Case, chosen: tuple[int, ...]) -> Refined:
         columns, left = _slopes(case, chosen, at)
         asked = np.concatenate([columns / unit, left[:, None]], axis=1)
         across = case.across(asked)
-        moved, covariance = _solved(case, across, slab, at * unit)
+        moved, covariance = _solved(case, chosen, across, slab, at * unit)
         step = _inside(case, chosen, moved / unit)
         if (np.abs(step - at) * unit < NEAR * np.sqrt(np.diag(covariance))).all():
             break
+    scatter = np.array([evidence.amplitudes[LIFT_OF_ALL] * (case.effects[i].term in TWINS)
+                        for i in chosen for _ in range(case.effects[i].width)])
+    covariance = covariance + np.diag(scatter**2)
     return Refined(chosen, step, covariance / unit[:, None] / unit, moved_by(case, chosen, step), at, across, slab)
 
 

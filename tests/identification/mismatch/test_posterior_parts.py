@@ -58,7 +58,7 @@ def small_case(seed: int = 0):
     case = Evidence(effects, background, values.T @ values, np.arange(2), np.ones(2), np.full(2, -9.0),
                     np.full(2, 9.0), np.zeros(2), work, np.zeros(2), np.ones(3))
     case.spike = np.array([0.1, 0.2])
-    case.rest = case.reduced(case.without_background({})[0], case.spike)[0]
+    case._reduce()
     return case, columns, y
 
 
