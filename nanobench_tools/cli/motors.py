@@ -13,7 +13,7 @@ from ..errors import UsageError
 from ..results.result import to_json
 from ..steps.motor_fits import FittedNumber, check_mass, check_packages, fitted_numbers, motors_sentence, study_motors
 from ..steps.options import Options, one_line
-from ..steps.show import data_word
+from ..steps.show import data_word, say_reasons
 from ..tables.result_table import Table as Grid
 from .closing import again, close
 from .shared_options import PATH, no_paths_beside, shared_options
@@ -53,8 +53,7 @@ def motors(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
     mine = [f for f, known in zip(flights, inside, strict=True) if known]
     others = [f for f, known in zip(flights, inside, strict=True) if not known]
     study, found = study_motors(options, mine, others if train else None, mass_kg)
-    for entry in found.left_out:
-        options.say(f"left out: {one_line(entry.flight)}: {one_line(entry.reason)}")
+    say_reasons(options, ((entry.flight, entry.reason) for entry in found.left_out))
     _show(options, found)
     simulator, result = _write(options, study, found), motors_sentence(found)
     if simulator is None:

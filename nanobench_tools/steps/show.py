@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from ..metrics.statistics import Summary
+from .options import one_line
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -114,6 +115,19 @@ def ratio_text(ratio: float | None, ci95: Sequence[float] | None) -> str:
 
 ALL_FAILED = "every method failed on it"
 """Reason for a recording that was tried but that no row counts."""
+
+
+MOST_REASONS = 2
+
+
+def say_reasons(options: Options, reasons: Iterable[tuple[str, str]]) -> None:
+    """(recording, why it is left out), a line each; without ``--verbose`` the first ones, and how many more."""
+    every = list(reasons)
+    shown = every if options.verbose else every[:MOST_REASONS]
+    for name, reason in shown:
+        options.say(f"left out: {one_line(name)}: {one_line(reason)}")
+    if more := len(every) - len(shown):
+        options.say(f"left out: {more} more recording{'s' * (more != 1)}: --verbose")
 
 
 def show_left_out(options: Options, flights: Sequence[Flight], used: Iterable[str],

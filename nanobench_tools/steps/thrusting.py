@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from ..flight import Flight
-from .options import Options, one_line
+from .options import Options
+from .show import say_reasons
 
 if TYPE_CHECKING:
     from identification.thrust.thrust_result import Part, ThrustResult
@@ -42,8 +43,7 @@ def thrust_maps(options: Options, flights: Sequence[Flight],
     names = None if given is None else ({f.name for f in given[0]}, {f.name for f in given[1]})
     found = [part for part in (_stands(options, stands, names, mass_kg, left),
                                _flights(options, flown, names, mass_kg, left)) if part is not None]
-    for name, reason in left.items():
-        options.say(f"left out: {one_line(name)}: {reason}")
+    say_reasons(options, left.items())
     if not found:
         place = flights[0].provenance.path
         reason = next(iter(left.values()), "no stand series and no flight with motors, battery and accelerometer")

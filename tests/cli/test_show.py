@@ -1,12 +1,13 @@
 """Cells of the tables at a terminal: nothing is said to scatter by nothing."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
 from nanobench_tools.metrics.statistics import summary
 from nanobench_tools.protocols.published import MeanStd
-from nanobench_tools.steps.show import interval_text, ratio_text, score_text, sessions_text
+from nanobench_tools.steps.show import interval_text, ratio_text, say_reasons, score_text, sessions_text
 
 
 @pytest.mark.parametrize(("values", "text"), [
@@ -28,3 +29,12 @@ def test_what_has_no_interval_shows_none():
     assert [sessions_text(n) for n in (4, None)] == ["4", "?"]
     assert ratio_text(0.93, [0.88, 0.99]) == "0.930 (0.880 .. 0.990)"
     assert [ratio_text(0.93, None), ratio_text(None, None)] == ["0.930", "-"]
+
+
+@pytest.mark.parametrize(("verbose", "said"), [
+    (True, ["left out: a: x", "left out: b: y", "left out: c: z"]),
+    (False, ["left out: a: x", "left out: b: y", "left out: 1 more recording: --verbose"])])
+def test_reasons_fit_a_screen(verbose, said):
+    lines: list[str] = []
+    say_reasons(SimpleNamespace(verbose=verbose, say=lines.append), [("a", "x"), ("b", "y"), ("c", "z")])
+    assert lines == said
