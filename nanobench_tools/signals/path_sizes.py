@@ -93,9 +93,11 @@ def _turned(context: Context) -> WrongUnit | None:
 def _thin(name: str, quantities: tuple[str, ...], position: np.ndarray) -> WrongUnit | None:
     """An axis that moves within millimetres of the origin while another moves ``THINNER`` times as far."""
     extent = spans(position)
+    if not (extent > FINEST_M).any():
+        return None
     thin = int(np.argmin(np.where(extent > FINEST_M, extent, np.inf)))
     ratio = float(extent[thin] / extent.max())
-    if extent[thin] <= FINEST_M or ratio * THINNER > 1.0 or np.nanmax(np.abs(position[:, thin])) > THINNEST_M:
+    if ratio * THINNER > 1.0 or np.nanmax(np.abs(position[:, thin])) > THINNEST_M:
         return None
     farthest_mm = 1e3 * float(np.abs(position[:, thin]).max())
     return WrongUnit(name, (quantities[thin],), 1e-3, f"{quantities[thin]} of {name} stays within {farthest_mm:.2g} mm "

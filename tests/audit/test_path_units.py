@@ -46,6 +46,14 @@ def test_the_path_of_a_multirotor_is_right(noise_m):
     assert reported(multirotor(noise_m=noise_m)) == set()
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_path_that_never_moves_has_no_unit():
+    flight = multirotor()
+    still = replace(flight["mocap"], values=np.concatenate([np.zeros_like(flight["mocap"].values[:, :3]),
+                                                            flight["mocap"].values[:, 3:]], axis=1))
+    assert not {("mocap", q) for q in POSES[:3]} & reported(flight.with_streams(mocap=still))
+
+
 @pytest.mark.parametrize("by", [0.001, 0.01, np.pi / 180, 100.0])
 @pytest.mark.parametrize("axis", [0, 1])
 def test_an_axis_that_the_tilt_contradicts(axis, by):
