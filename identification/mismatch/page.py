@@ -53,7 +53,7 @@ def write_page(verdict: Verdict, recordings: Recordings, path: Path, synthetic: 
 def page_text(verdict: Verdict, recordings: Recordings, synthetic: bool) -> str:
     """The page as text."""
     body, drawn = to_json(verdict.to_json()), to_json(pictures(verdict, recordings))
-    held_out = bool(verdict.proof and verdict.proof.held_out)
+    held_out = bool((body.get("improvement") or {}).get("held_out"))
     real = "" if synthetic else ", real"  # SYNTHETIC stands before every caption
     n = f"n = {_flights(len({t.flight for t in recordings.tracks}))}, {recordings.judged_s:.0f} s{real}"
     recorded = f"n = {_flights(len(recordings.flights))}{real}"

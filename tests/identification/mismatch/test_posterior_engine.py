@@ -78,6 +78,8 @@ def test_the_page_of_a_verdict_is_written(too_heavy, flown):
     text = page_text(too_heavy, flown, synthetic=True)
     assert "thrust_scale" in text
     assert "SYNTHETIC" in text
+    assert "Nothing of these flights was judged" not in text
+    assert "Every flight is predicted by a fit that has not seen it" in text
 
 
 @pytest.mark.parametrize(("again", "left"), [({"wind", "force_world", "frame_tilt"}, 2), (set(), 1)])
