@@ -26,7 +26,7 @@ TWINS: dict[str, tuple[str, ...]] = {"com_offset": ("motor_imbalance",), "mass":
                                      "thrust_scale": ("mass",)}
 """Terms that differ by gains of torque only, which no flight tells well enough: along roll and pitch unequal motors do
 what a centre of mass does, and free flight shows thrust per mass."""
-BEYOND = "it would have to lie on the bound of what such a vehicle can have"
+BEYOND = "its best size lies on a bound of what such a vehicle can have"
 SHOWS = 0.3
 """An effect shows along an axis from this share of its strongest one on."""
 
@@ -73,11 +73,12 @@ class Decision:
 
 
 def decide(case: Case, judge: Callable[[Refined, Refined], float],
-           again: Callable[[Model], Collection[str]] = lambda corrected: ()) -> Decision:
+           again: Callable[[Model], Collection[str]] | None = None) -> Decision:
     """Names the classes of effects whose probability reaches NAMED; ``judge`` gives what predictions of left-out
-    flights say: log likelihood of the first sizes over the second. ``again`` gives the terms that are named beside a
-    corrected simulator: of several effects only the largest stays without being named again beside it alone, since
-    slopes at a simulator that is far off feign others."""
+    flights say: log likelihood of the first sizes over the second. ``again`` gives the terms that are identified in a
+    corrected simulator. With it, only the largest of several effects is identified at once; the others must be
+    identified again where the largest is corrected, since slopes far from the truth suggest effects that are not there.
+    """
     evidence, rejected = case.evidence, dict[str, str]()
     while True:
         weighing = Weighing(case, judge)
@@ -95,18 +96,18 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
     found = weighing.sizes(tuple(i for i in best if sure[i] >= NAMED))
     while found.chosen:
         sizes = {i: _sizes(case, i, found) for i in found.chosen}
-        said = {i: f"the interval holds what the simulator has, {_shortest(sizes[i])}" for i in found.chosen
+        said = {i: f"the 95 % interval includes the simulator's value: {_shortest(sizes[i])}" for i in found.chosen
                 if not any(size.excludes for size in sizes[i].values())}
         said |= {i: BEYOND for i in found.chosen if i not in said and _on_bound(case, i, found)}
         if not said:
             break
         rejected |= {case.effects[i].term: why for i, why in said.items()}
         found = weighing.sizes(tuple(i for i in found.chosen if i not in said))
-    if len(found.chosen) > 1:
+    if again is not None and len(found.chosen) > 1:
         first = max(found.chosen, key=lambda i: _size_of(case, i, found))
         there = set(again(_written(case, weighing.sizes((first,)))))
         gone = {i for i in found.chosen if i != first and not there & set(kinds[i])}
-        rejected |= {case.effects[i].term: f"nothing of it is left where {case.effects[first].term} is corrected"
+        rejected |= {case.effects[i].term: f"no longer identified once {case.effects[first].term} is corrected"
                      for i in gone}
         found = weighing.sizes(tuple(i for i in found.chosen if i not in gone))
     findings = tuple(_finding(case, i, found, kinds[i], sure[i], by_term) for i in found.chosen)

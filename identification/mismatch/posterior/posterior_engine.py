@@ -144,11 +144,15 @@ def power(case: Case) -> dict[str, dict[str, Any]]:
     return found
 
 
+def _after(unit: str) -> str:
+    return "" if unit == "1" else f" {unit}"
+
+
 def _paragraph(body: dict[str, Any], recordings: Recordings) -> str:
     flown = sum(s.duration_s for a in recordings.audits.values() for s in a.airborne)
     parts = [f"{recordings.judged_s:.0f} of {max(flown, recordings.judged_s):.0f} s in the air are judged."]
     for entry in body["findings"]:
-        values = ", ".join(f"{n.partition('.')[2]} = {p['value']:.4g} {p['unit']} (95 %: {p['ci95'][0]:.4g} to "
+        values = ", ".join(f"{n.partition('.')[2]} = {p['value']:.4g}{_after(p['unit'])} (95 %: {p['ci95'][0]:.4g} to "
                            f"{p['ci95'][1]:.4g}; the simulator has {p['believed']:.4g})"
                            for n, p in entry["parameters"].items())
         other = f" These flights cannot tell it from {' or '.join(entry['equivalent'])}." if entry["equivalent"] else ""

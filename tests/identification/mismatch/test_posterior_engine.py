@@ -89,7 +89,7 @@ def test_of_two_effects_the_smaller_one_has_to_be_named_again(pushed_and_heavy, 
     assert len(found.findings) == left
     assert {"thrust_scale", "mass"} & {t for f in found.findings for t in (f.term, *f.equivalent)}
     if not again:
-        assert any(why.startswith("nothing of it is left where") for why in found.rejected.values())
+        assert any(why.startswith("no longer identified once") for why in found.rejected.values())
 
 
 @pytest.fixture(scope="module")
