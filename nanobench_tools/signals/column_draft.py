@@ -61,7 +61,7 @@ def _name(draft: Draft, table: Table, path: Path) -> None:
     stated = {c: table.units.get(c) or unit_of(c) for c in names}
     for column, (known, title) in known_names(names, systems).items():
         key = (known.stream, known.quantity)
-        if not known.quantity:
+        if known.what:
             draft.unknown[column] = f"{known.what} ({title})"
         elif key not in draft.mapped:
             unit = stated[column] if stated[column] in allowed_units(*key) else known.unit

@@ -8,12 +8,15 @@ from dataclasses import dataclass, field
 
 from ..errors import InputError
 from .bag_topics import AUTOPILOT, OTHER_SENSOR, RAW, Role, Topic
+from .known import ecosystem
 
-POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/TransformStamped",
-         "geometry_msgs/msg/PoseWithCovarianceStamped", "nav_msgs/msg/Odometry", "geometry_msgs/msg/PointStamped")
+ROS = ecosystem("ros").topics
+POSES = tuple(kind for kind, names in ROS.items() if names[0].stream in ("mocap", "estimator"))
 """Types that say where a vehicle is, the plainest first: of several from one node the first is taken."""
-IMU, BATTERY = "sensor_msgs/msg/Imu", "sensor_msgs/msg/BatteryState"
-KNOWN = frozenset((*POSES, IMU, BATTERY))
+IMU, BATTERY = (next(kind for kind, names in ROS.items() if names[0].stream == stream)
+                for stream in ("imu", "battery"))
+ODOMETRY = "nav_msgs/msg/Odometry"
+KNOWN = frozenset(ROS)
 MOVES_M = 0.1
 """A body that moves by less in the whole bag is furniture: a gate, a charger."""
 
@@ -120,7 +123,7 @@ def _one(topics: Sequence[Topic], stream: str, place: str) -> Topic | None:
     """The one topic of several about one thing: the plainest type of one node. InputError where nodes differ."""
     if not topics:
         return None
-    order = ("nav_msgs/msg/Odometry", *POSES) if stream == "estimator" else (*POSES, IMU)
+    order = (ODOMETRY, *POSES) if stream == "estimator" else (*POSES, IMU)
     by_type = sorted(topics, key=lambda t: (order.index(t.kind), t.name))
     first = by_type[0]
     others = [t for t in by_type[1:] if not (t.kind != first.kind and _same_node(t, first))]

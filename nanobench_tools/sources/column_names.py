@@ -151,6 +151,8 @@ def recognised(columns: Sequence[str], topic: str) -> list[Ecosystem]:
     found = []
     for key in keys():
         system = ecosystem(key)
+        if system.timeless:
+            continue
         if key == "px4":
             names = tuple(k for k in system.names if k.topic in ("", topic)) if topic else tuple(
                 k for k in system.names if not k.topic or not k.plain)
@@ -172,7 +174,7 @@ def known_names(columns: Iterable[str], systems: Iterable[Ecosystem]) -> dict[st
             for known in quantities.values():
                 found.setdefault(of_bare[known.name], (known, system.title))
         for known in system.names:
-            if not known.stream and known.name in of_bare:
+            if (not known.stream or known.what) and known.name in of_bare:
                 found.setdefault(of_bare[known.name], (known, system.title))
             elif known.name in of_bare and of_bare[known.name] not in found:
                 again = Known(known.name, what=f"{known.stream} {known.quantity} once more")

@@ -19,8 +19,8 @@ import numpy as np
 
 from .. import so3
 from ..errors import InputError
-from ..flight import Fault, Flight, Provenance, Stream, make_stream
-from .bag_choice import IMU, KNOWN, POSES, Choice, Vehicle, choose, vehicles_in
+from ..flight import STREAM_QUANTITIES, Fault, Flight, Provenance, Stream, make_stream
+from .bag_choice import KNOWN, ODOMETRY, POSES, ROS, Choice, Vehicle, choose, vehicles_in
 from .bag_clocks import clocks_of
 from .bag_messages import LIST, Bag, read_bags, suffix_of
 from .bag_topics import Topic
@@ -28,23 +28,6 @@ from .base import not_numbers, text_fault
 from .cells import GIGANTIC
 from .column_map import ColumnMap, Entry, in_units, read_column_map
 from .sheets import Sheet
-
-
-def _paths(quantities: str, prefix: str, fields: str = "x y z w") -> dict[str, str]:
-    return {q: f"{prefix}.{f}" for q, f in zip(quantities.split(), fields.split(), strict=False)}
-
-
-WHERE = {"geometry_msgs/msg/PoseStamped": ("pose.position", "pose.orientation"),
-         "geometry_msgs/msg/PoseWithCovarianceStamped": ("pose.pose.position", "pose.pose.orientation"),
-         "geometry_msgs/msg/TransformStamped": ("transform.translation", "transform.rotation"),
-         "nav_msgs/msg/Odometry": ("pose.pose.position", "pose.pose.orientation"),
-         "geometry_msgs/msg/PointStamped": ("point", "")}
-"""Type of a topic of poses -> its fields of position and rotation."""
-VELOCITY = {"nav_msgs/msg/Odometry": "twist.twist.linear"}
-"""In the body, and turned into the world."""
-SENSORS = {IMU: {**_paths("acc_x acc_y acc_z", "linear_acceleration"),
-                 **_paths("gyro_x gyro_y gyro_z", "angular_velocity")},
-           "sensor_msgs/msg/BatteryState": {"vbat": "voltage"}}
 
 
 @dataclass(frozen=True)
@@ -152,23 +135,27 @@ def _plans(bag: Bag, vehicle: Vehicle, column_map: ColumnMap | None, place: str)
     choice = choose(topics, vehicle, {} if column_map is None else column_map.chosen, place)
     plans: dict[str, _Plan] = {}
     for stream, topic in choice.streams.items():
-        for name, quantities in _meant(stream, topic).items():
-            entries = tuple(Entry(name, q, f"{topic.name}.{p}") for q, p in quantities.items())
-            plans.setdefault(name, _Plan(name, topic.name, entries, topic.kind in VELOCITY))
+        meant = _meant(stream, topic)
+        if stream not in meant:
+            raise InputError(place, f"the {stream} topic {topic.name} holds {topic.kind}, which gives no {stream}",
+                             f"leave it out, or name fields of a topic: {stream} = {{...}}")
+        for name, entries in meant.items():
+            plans.setdefault(name, _Plan(name, topic.name, tuple(entries), topic.kind == ODOMETRY))
     return list(plans.values()), choice
 
 
-def _meant(stream: str, topic: Topic) -> dict[str, dict[str, str]]:
-    """stream -> quantity -> field of what one topic says."""
-    if topic.kind not in POSES:
-        return {stream: SENSORS[topic.kind]}
-    position, rotation = WHERE[topic.kind]
-    velocity = _paths("vx vy vz", VELOCITY[topic.kind]) if topic.kind in VELOCITY and stream != "setpoint" else {}
-    turn = _paths("qx qy qz qw", rotation) if rotation else {}
-    if stream == "mocap":
-        return {stream: {**_paths("px py pz", position), **turn, **velocity}}
-    found = {stream: {**_paths("x y z", position), **velocity}}
-    return {**found, "attitude_qw": turn} if stream == "estimator" and turn else found
+def _meant(stream: str, topic: Topic) -> dict[str, list[Entry]]:
+    """What one topic gives: by the table of ROS messages, its poses as the stream that the topic is for."""
+    found: dict[str, list[Entry]] = {}
+    for known in ROS[topic.kind]:
+        name, quantity = known.stream, known.quantity
+        if topic.kind in POSES:
+            kind, axis = quantity[:-1] or "p", quantity[-1]
+            name = "attitude_qw" if kind == "q" and stream == "estimator" else stream
+            quantity = axis if kind == "p" and stream != "mocap" else f"{kind}{axis}"
+        if quantity in STREAM_QUANTITIES.get(name, ()):
+            found.setdefault(name, []).append(Entry(name, quantity, f"{topic.name}.{known.name}", unit=known.unit))
+    return found
 
 
 def _mapped(column_map: ColumnMap, bag: Bag, vehicle: Vehicle) -> list[_Plan]:

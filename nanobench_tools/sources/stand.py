@@ -6,6 +6,7 @@ carried in newton as found, its zero included: nothing is subtracted. The rows h
 
 from __future__ import annotations
 
+import functools
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from ..units import to_si
 from .base import cell_faults, text_fault
 from .cells import Grid, read_grid
 from .header import header_of
+from .known import Known, ecosystem
 from .names import listed, quantity_of
 from .sheets import Sheet
 from .units_as_written import unit_as_written
@@ -25,19 +27,8 @@ from .units_as_written import unit_as_written
 _HEADER = re.compile(r"\s*([A-Za-z][\w. ]*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
 _UNIT_BEHIND = re.compile(r"(.+)_(percent|pct|us|g|gf|grams|kgf|kg|n|lbf|v|mv|a|ma)")
 
-_NAMES = {
-    "pwm": ("pwm", "pwm16"),
-    "rpm": ("rpm", "rpm"),
-    "vbat": ("vbat", "V"), "voltage": ("vbat", "V"), "battery_voltage": ("vbat", "V"),
-    "weight": ("thrust", "gram_force"), "thrust": ("thrust", ""),
-    "i": ("current", "A"), "current": ("current", "A"),
-    "esc": ("esc", ""), "esc_signal": ("esc", ""), "throttle": ("esc", ""),
-    "motor_optical_speed": ("one_rpm", "rpm"), "motor_speed": ("one_rpm", "rpm"),
-}
-"""Name in lower case -> what it is, and its unit where none is stated. The last ones are those of stands with one
-motor, as RCbenchmark and Tyto write them; their electrical speed needs the number of poles and is kept as found."""
-_PLACES = {"pwm": ("motor", "m"), "esc": ("motor", "m1"), "rpm": ("rpm", "m"), "one_rpm": ("rpm", "m1"),
-           "vbat": ("battery", "vbat"), "thrust": ("stand", "thrust"), "current": ("stand", "current")}
+_NUMBERED = re.compile(r"([a-z]+)_?(?:m|motor)?_?(\d)")
+_PULSED = ("us", "%")
 _FORCES = {"g": "gram_force", "kg": "kgf"}
 _ALLOWED = {
     "motor": ("pwm16", "1", "%", "pulse_us"),
@@ -57,38 +48,48 @@ THRUST_PER_WATT = (0.002, 0.6)
 
 @dataclass(frozen=True)
 class Heading:
-    """One recognised column: base is the name without number and unit, motor 0 means all four; unit empty where the
-    numbers have to show it; ``stated``: the file says the unit."""
+    """One recognised column: the stream and quantities it gives (one PWM may drive all four motors); unit empty where
+    the numbers have to show it; ``stated``: the file says the unit."""
 
     column: str
-    base: str
-    motor: int
+    stream: str
+    quantities: tuple[str, ...]
     unit: str
     stated: bool = False
 
 
+@functools.cache
+def _names() -> dict[str, tuple[Known, ...]]:
+    """Name in the table of stands -> what it gives."""
+    found: dict[str, tuple[Known, ...]] = {}
+    for known in ecosystem("stand").names:
+        found[known.name] = (*found.get(known.name, ()), known)
+    return found
+
+
 def heading(column: str) -> Heading | None:
-    """``rpm3`` -> rpm of motor 3, ``weight[g]`` -> thrust, ``ESC signal (us)`` -> the command of one motor; None for a
-    column of another meaning."""
+    """``rpm3`` -> speed of motor 3, ``weight[g]`` -> thrust, ``ESC signal (us)`` -> the command of one motor; None for
+    a column of another meaning."""
     match = _HEADER.fullmatch(column)
     if match is None:
         return None
     name, unit = match[1].lower().replace(" ", "_"), (match[2] or "").strip()
-    numbered = re.fullmatch(r"(pwm|rpm)_?(?:m|motor)?_?([1-4])", name)
-    base, number = numbered.groups() if numbered else (name, "")
-    if base not in _NAMES and not unit and (behind := _UNIT_BEHIND.fullmatch(base)):
-        base, unit = behind.groups()
-    if base not in _NAMES or (base == "rpm" and not number):
+    if numbered := _NUMBERED.fullmatch(name):
+        name = "".join(numbered.groups())
+    if name not in _names() and not unit and (behind := _UNIT_BEHIND.fullmatch(name)):
+        name, unit = behind.groups()
+    known = _names().get(name)
+    if known is None:
         return None
-    what, default = _NAMES[base]
+    stream, quantities = known[0].stream, tuple(k.quantity for k in known)
     written = unit_as_written(unit) or unit
-    if what == "thrust" and unit.lower() in _FORCES:
+    if quantities == ("thrust",) and unit.lower() in _FORCES:
         written = _FORCES[unit.lower()]
-    if what in ("esc", "pwm") and written in ("us", "%"):
-        what, written = "esc", {"us": "pulse_us"}.get(written, written)
+    if stream == "motor" and written in _PULSED:
+        written, quantities = {"us": "pulse_us"}.get(written, written), quantities[:1]
     if unit.lower() == "pwm":
         written = "pwm16"
-    return Heading(column, what, int(number or 0), written or default, bool(unit))
+    return Heading(column, stream, quantities, written or known[0].unit, bool(unit))
 
 
 class ThrustStand:
@@ -114,7 +115,7 @@ class ThrustStand:
         row = np.arange(n, dtype=float)
         silent = [h.column
                   for h in known
-                  if h.base not in ("pwm", "esc", "vbat") and not grid.columns.get(h.column, np.ones(1)).any()]
+                  if h.stream not in ("motor", "battery") and not grid.columns.get(h.column, np.ones(1)).any()]
         for column in silent:  # zero from the first row to the last: the sensor was not connected
             del grid.columns[column]
         streams, taken = _streams(grid, known, row, str(path))
@@ -150,8 +151,8 @@ class ThrustStand:
 
 
 def _like_a_stand(names: list[str]) -> bool:
-    bases = {h.base for h in map(heading, names) if h}
-    return bool(bases & {"pwm", "esc"}) and bool(bases & {"rpm", "thrust"})
+    known = [h for h in map(heading, names) if h]
+    return any(h.stream == "motor" for h in known) and any(h.stream == "rpm" or "thrust" in h.quantities for h in known)
 
 
 def _of_a_flight(names: list[str]) -> list[str]:
@@ -159,8 +160,9 @@ def _of_a_flight(names: list[str]) -> list[str]:
     motor and a force with its unit is a stand's."""
     flown = [(n, quantity_of(match[1])[0]) for n in names
              if (match := _HEADER.fullmatch(n)) and quantity_of(match[1])[0] is not None]
-    known = {h.base: h for h in map(heading, names) if h}
-    ramp = "esc" in known and "thrust" in known and known["thrust"].stated
+    known = [h for h in map(heading, names) if h]
+    ramp = {q for h in known if h.stream == "motor" for q in h.quantities} == {"m1"} and any(
+        h.stated for h in known if "thrust" in h.quantities)
     return [n for n, quantity in flown if not (ramp and quantity == "time")]
 
 
@@ -170,10 +172,10 @@ def _streams(grid: Grid, known: list[Heading], row: np.ndarray, place: str) -> t
     for head in known:
         if head.column not in grid.columns:
             continue
-        stream, quantity = _PLACES[head.base]
-        allowed = _ALLOWED.get(stream) or _ALLOWED[quantity]
+        stream = head.stream
+        allowed = _ALLOWED.get(stream) or _ALLOWED[head.quantities[0]]
         if not head.unit:
-            if head.base == "thrust":
+            if stream == "stand":
                 raise InputError(f"{place}: column {head.column}", "a thrust without a unit: g or N?",
                                  f"write it behind the name: {head.column} (g), (N) or (kgf)")
             head = replace(head, unit=_share(grid.columns[head.column], head.column, place))
@@ -182,9 +184,8 @@ def _streams(grid: Grid, known: list[Heading], row: np.ndarray, place: str) -> t
         if head.unit not in allowed:
             raise InputError(f"{place}: column {head.column}", f"unit {head.unit!r}",
                              f"known here: {', '.join(allowed)}")
-        motors = (1, 2, 3, 4) if quantity == "m" and not head.motor else (head.motor,)
-        for motor in motors:  # one PWM column drives all four motors
-            chosen.setdefault(stream, {}).setdefault(f"m{motor}" if quantity == "m" else quantity, head)
+        for quantity in head.quantities:
+            chosen.setdefault(stream, {}).setdefault(quantity, head)
     streams = {}
     for stream, heads in chosen.items():
         values = np.stack([to_si(grid.columns[h.column], h.unit) for h in heads.values()], axis=1)

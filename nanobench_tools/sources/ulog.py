@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import threading
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,11 +17,15 @@ from . import ulog_motors
 from .base import not_numbers, text_fault
 from .sheets import Sheet
 from .ulog_messages import MAGIC, Whole, whole_messages
-from .ulog_topics import STREAMS, Topic, topic_of
+from .ulog_topics import Topic, streams_of, topic_of, topics_of
 
 CLOCK_TOPICS = ("vehicle_gps_position", "sensor_gps")
 MEASURED = ("imu", "attitude", "attitude_qw", "battery", "rpm")
 """Streams in which NaN is no way of saying "not given"."""
+
+SEEN = {"vehicle_visual_odometry": ": poses from outside, by motion capture or by a camera on board; the log does not "
+        "show which"}
+"""Topic of motion capture -> what else it may be."""
 
 FIRST_UTC_US = 10**15
 """Earlier times (2001) are a receiver without a fix."""
@@ -45,11 +48,7 @@ class Px4Log:
         topics = _topics(log)
         parameters = {k: v for k, v in log.initial_parameters.items() if isinstance(v, int | float)}
         unread: list[str] = []
-        streams: dict[str, Stream] = {}
-        for name, (make, candidates) in STREAMS.items():
-            made = (_made(make, topic, unread) for candidate in candidates for topic in topics.get(candidate, ()))
-            if (stream := next((s for s in made if s is not None), None)) is not None:
-                streams[name] = stream
+        streams = streams_of(topics, unread)
         turning = ulog_motors.motors(topics, parameters, unread)
         streams |= turning.streams
         if not streams:
@@ -89,31 +88,22 @@ def _parse(data: bytes, place: str) -> Any:
         from pyulog import ULog
     except ImportError:
         raise InputError(place, "a PX4 log is read through pyulog", how_to_install("ulog")) from None
-    wanted = {t for _, candidates in STREAMS.values() for t in candidates}
     try:
         with _printing, contextlib.redirect_stdout(io.StringIO()):  # it prints what the findings say
-            return ULog(io.BytesIO(data), [*sorted(wanted), *ulog_motors.TOPICS, *CLOCK_TOPICS])
+            return ULog(io.BytesIO(data), [*topics_of(), *ulog_motors.TOPICS, *CLOCK_TOPICS])
     except Exception as error:  # whatever damage makes of a parser
         raise InputError(place, f"cannot be read as ULog ({type(error).__name__}: {error})",
                          "take another copy of the file") from None
 
 
-def _made(make: Callable[[Topic], Stream | None], topic: Topic, unread: list[str]) -> Stream | None:
-    """``make(topic)``; a topic in a layout that nobody foresaw costs itself alone, and is named in ``unread``."""
-    try:
-        return make(topic)
-    except (ValueError, IndexError, KeyError, TypeError, ArithmeticError) as error:
-        unread.append(f"{topic.name} cannot be read ({type(error).__name__}: {' '.join(str(error).split())[:80]})")
-        return None
-
-
 def _topics(log: Any) -> dict[str, list[Topic]]:
-    """Instances of every topic, the one with most rows first."""
+    """Instances of every topic, the first one first unless it ended early."""
     found: dict[str, list[Topic]] = {}
     for item in sorted(log.data_list, key=lambda d: (d.name, d.multi_id)):
         if (topic := topic_of(item.name, item.data)) is not None and len(topic.time_us):
             found.setdefault(item.name, []).append(topic)
-    return {n: sorted(t, key=lambda topic: -len(topic.time_us)) for n, t in found.items()}
+    return {name: sorted(instances, key=lambda t: np.ptp(t.time_us) < 0.5 * max(np.ptp(i.time_us) for i in instances))
+            for name, instances in found.items()}
 
 
 def _boot_unix_s(topics: dict[str, list[Topic]]) -> float | None:
@@ -129,7 +119,8 @@ def _boot_unix_s(topics: dict[str, list[Topic]]) -> float | None:
 def _notes(log: Any, streams: dict[str, Stream]) -> list[str]:
     notes = ["axes: PX4's NED and FRD turned into x east, y north, z up and x forward, y left, z up"]
     if "mocap" in streams:
-        notes.append(f"mocap is {streams['mocap'].columns[0].partition('.')[0]}")
+        topic = streams["mocap"].columns[0].partition(".")[0]
+        notes.append(f"mocap is {topic}" + SEEN.get(topic, ""))
     else:
         notes.append("no pose from outside was logged: only the vehicle's own estimate")
     if log.dropouts:

@@ -15,10 +15,11 @@ import numpy as np
 from ..flight import STREAM_QUANTITIES, Fault, Stream
 from ..units import to_si
 from .base import text_fault
-from .ulog_topics import Topic, stream_of
+from .ulog_topics import MOTORS, PX4, Topic, stream_of, topics_of
 
-PX4_QUAD_X = (0, 3, 1, 2)
-"""Our motor 1..4 -> PX4's rotor, counted from 0."""
+TOPICS = topics_of(*MOTORS)
+PX4_QUAD_X = tuple(int(re.sub(r"\D", "", known.name)) for known in PX4.topics["actuator_motors"])
+"""Our motor 1..4 -> PX4's rotor, counted from 0, as the table of PX4's names has it."""
 
 SUPPORTED = sum(bool(re.fullmatch(r"m\d+", q)) for q in STREAM_QUANTITIES["motor"])
 """Rotors a motor stream can hold."""
@@ -30,9 +31,6 @@ FEWEST_ROTORS = 3
 """Of a multirotor."""
 OUTPUT_GROUPS = ("PWM_MAIN", "PWM_AUX", "UAVCAN_EC", "HIL_ACT", "SIM_GZ_EC")
 """Groups of outputs whose functions the parameters GROUP_FUNC1 .. name."""
-
-TOPICS = ("actuator_motors", "actuator_outputs", "esc_status")
-
 
 Found = tuple[Topic, list[str], np.ndarray]
 """Topic, fields, values (n, k)."""
@@ -82,8 +80,9 @@ def motors(topics: Mapping[str, Sequence[Topic]], parameters: Mapping[str, float
             )
             continue
         order = _order(count, parameters, notes)
-        words = " ".join(f"m{i + 1}" for i in range(count))
-        if (made := stream_of(name, topic, [(words, [fields[i] for i in order], values[:, list(order)])])) is not None:
+        made = stream_of(name, topic, [f"m{i + 1}" for i in range(count)], [fields[i] for i in order],
+                         values[:, list(order)])
+        if made is not None:
             streams[name] = made
     return Motors(streams, tuple(findings), tuple(dict.fromkeys(notes)))
 

@@ -1,17 +1,21 @@
-"""Which ULog topics make which stream, in our units and axes (``px4_frames``). A stream comes from one topic: the first
-of its list that was logged. Column names are ``topic.field``.
+"""Streams of a ULog, by the table of PX4's names (``known/px4.toml``), in our units and axes.
+
+A stream comes from one topic: the first of the table that was logged. The truth of a simulator is in two topics, which
+are one stream where their timestamps agree. Column names are ``topic.field``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .. import so3
-from ..flight import Stream, make_stream
-from . import px4_frames as frames
+from ..errors import UsageError
+from ..flight import STREAM_QUANTITIES, Stream, make_stream
+from .axes import EULER, QUATERNION, frame_of, in_our_axes
+from .known import Known, ecosystem
 
 FARTHEST_STAMP_S = 1e5
 """A stamp further than this from the middle one of its topic is damage: no log lasts a day."""
@@ -49,156 +53,127 @@ def topic_of(name: str, fields: dict[str, np.ndarray]) -> Topic | None:
     return Topic(name, time_us[near], kept, int((~near).sum()))
 
 
-def indexed(field: str, count: int) -> tuple[str, ...]:
-    """``q`` -> ``q[0]``, ``q[1]``, ..."""
-    return tuple(f"{field}[{i}]" for i in range(count))
+PX4 = ecosystem("px4")
+MOTORS = ("motor", "rpm")
+"""Streams whose fields depend on the vehicle (``ulog_motors``)."""
+POSITION_TOPIC = "vehicle_local_position"
+VALID = {**dict.fromkeys(("x", "y"), "xy_valid"), "z": "z_valid", **dict.fromkeys(("vx", "vy"), "v_xy_valid"),
+         "vz": "v_z_valid"}
+"""Field of ``POSITION_TOPIC`` -> the flag with which PX4 says that it knows it."""
+INTERVAL = "_dt"
+"""Behind the name of an increment: the microseconds it was collected in."""
+TRUTH = "_groundtruth"
+"""Behind the name of a topic with the truth of a simulator."""
+SAME_STAMPS = 0.9
+"""Least share of the rows of one topic of truth at whose timestamps another must have one, too: a convention."""
 
 
-def stream_of(name: str, topic: Topic, parts: Sequence[tuple[str, Sequence[str], np.ndarray | None]]) -> Stream | None:
-    """A stream of ``parts``: quantities (one word each), the fields they come from, values (n, k) or None.
+def topics_of(*streams: str) -> tuple[str, ...]:
+    """Topics that may give these streams, the best first; without any, all but those of motors."""
+    return tuple(name for name, known in PX4.topics.items()
+                 if any(k.stream in streams if streams else k.stream not in MOTORS for k in known))
+
+
+def streams_of(topics: Mapping[str, Sequence[Topic]], unread: list[str]) -> dict[str, Stream]:
+    """All streams but those of motors. ``topics`` holds all instances by name; ``unread`` gets topics in a layout that
+    nobody foresaw. Times are still seconds since boot."""
+    found: dict[str, Stream] = {}
+    for name in topics_of():
+        for topic in topics.get(name, ()):
+            for stream in dict.fromkeys(known.stream for known in PX4.topics[name]):
+                try:
+                    made = _read(stream, topic)
+                    if made is not None and stream not in found:
+                        found[stream] = made
+                    elif made is not None and _is_truth(made) and _is_truth(found[stream]):
+                        found[stream] = _completed(found[stream], made)
+                except (UsageError, ValueError, IndexError, KeyError, TypeError, ArithmeticError) as error:
+                    unread.append(f"{name} cannot be read ({type(error).__name__}: "
+                                  f"{' '.join(str(error).split())[:80]})")
+    if "attitude_qw" in found:
+        found["attitude"] = _euler(found["attitude_qw"])
+    return found
+
+
+def _read(stream: str, topic: Topic) -> Stream | None:
+    """What one topic gives of a stream; None without any number."""
+    chosen: dict[str, tuple[Known, np.ndarray]] = {}
+    for known in PX4.topics[topic.name]:
+        if known.stream != stream or known.quantity in chosen:
+            continue
+        values = _values(known, topic)
+        if values is not None and np.isfinite(values).any():
+            chosen[known.quantity] = known, values
+    if not chosen:
+        return None
+    chosen = {quantity: chosen[quantity] for quantity in STREAM_QUANTITIES[stream] if quantity in chosen}
+    made = stream_of(stream, topic, tuple(chosen), [known.name for known, _ in chosen.values()],
+                     np.stack([values for _, values in chosen.values()], axis=1))
+    frame = next((known.frame for known, _ in chosen.values() if known.frame), "")
+    return in_our_axes(made, frame_of(frame)) if made is not None and frame else made
+
+
+def _values(known: Known, topic: Topic) -> np.ndarray | None:
+    """(n,) in SI, still in PX4's axes; NaN where PX4 knows no value; None without the field."""
+    found = topic.array(known.name)
+    if found is None:
+        return None
+    values: np.ndarray = found[:, 0]
+    if known.what:  # an increment
+        interval = topic.array(f"{known.name.partition('[')[0]}{INTERVAL}")
+        if interval is None:
+            return None
+        with np.errstate(divide="ignore", invalid="ignore"):
+            values = np.where(interval[:, 0] > 0.0, values / (1e-6 * interval[:, 0]), np.nan)
+    if known.invalid is not None:
+        values = np.where(values == known.invalid, np.nan, values)
+    flag = topic.array(VALID[known.name]) if topic.name == POSITION_TOPIC and known.name in VALID else None
+    if flag is not None:
+        values = np.where(flag[:, 0] > 0, values, np.nan)
+    return values * known.scale + known.offset
+
+
+def stream_of(name: str, topic: Topic, quantities: Sequence[str], fields: Sequence[str],
+              values: np.ndarray) -> Stream | None:
+    """A stream of ``values`` (n, k) from ``fields``; None without any number.
 
     Columns and rows without any value are no samples (PX4 writes NaN for what it does not know). Times are still
     microseconds since boot, as seconds.
     """
-    quantities: list[str] = []
-    columns: list[str] = []
-    blocks = []
-    for words, fields, values in parts:
-        if values is None:
-            continue
-        for k, quantity in enumerate(words.split()):
-            if np.isfinite(values[:, k]).any():
-                quantities.append(quantity)
-                columns.append(f"{topic.name}.{fields[k]}")
-                blocks.append(values[:, k])
-    if not blocks:
+    known = np.isfinite(values)
+    columns = np.flatnonzero(known.any(axis=0)).tolist()
+    if not columns:
         return None
-    values = np.stack(blocks, axis=1)
-    filled = np.isfinite(values).any(axis=1)
+    filled = known.any(axis=1)
     time_s = 1e-6 * topic.time_us[filled]
+    return make_stream(name, time_s, values[filled][:, columns], [quantities[k] for k in columns],
+                       [f"{topic.name}.{fields[k]}" for k in columns], samples=len(time_s), rate_hz=_rate(time_s))
+
+
+def _rate(time_s: np.ndarray) -> float:
     duration = float(time_s[-1] - time_s[0])
-    rate = (len(time_s) - 1) / duration if duration > 0.0 else float("nan")
-    return make_stream(name, time_s, values[filled], quantities, columns, samples=len(time_s), rate_hz=rate)
+    return (len(time_s) - 1) / duration if duration > 0.0 else float("nan")
 
 
-def _swapped(fields: Sequence[str]) -> list[str]:
-    return [fields[i] for i in frames.WORLD_ORDER]
+def _is_truth(stream: Stream) -> bool:
+    return stream.columns[0].partition(".")[0].endswith(TRUTH)
 
 
-def _world(topic: Topic, *fields: str) -> np.ndarray | None:
-    values = topic.array(*fields)
-    return None if values is None else frames.world_vectors(values)
+def _completed(stream: Stream, other: Stream) -> Stream:
+    """``stream`` with the quantities that only ``other`` has, where that has the same timestamps."""
+    new = [k for k, quantity in enumerate(other.quantities) if quantity not in stream.quantities]
+    at = np.clip(np.searchsorted(other.time_s, stream.time_s), 0, len(other) - 1)
+    same = other.time_s[at] == stream.time_s
+    if not new or same.mean() < SAME_STAMPS:
+        return stream
+    added = np.where(same[:, None], other.values[at][:, new], np.nan)
+    return replace(stream, values=np.hstack([stream.values, added]),
+                   columns=(*stream.columns, *(other.columns[k] for k in new)),
+                   quantities=(*stream.quantities, *(other.quantities[k] for k in new)),
+                   unit=(*stream.unit, *(other.unit[k] for k in new)))
 
 
-def _body(topic: Topic, *fields: str) -> np.ndarray | None:
-    values = topic.array(*fields)
-    return None if values is None else frames.body_vectors(values)
-
-
-def _turn(topic: Topic, fields: Sequence[str]) -> np.ndarray | None:
-    values = topic.array(*fields)
-    return None if values is None else frames.quaternions(values)
-
-
-ACC, GYRO = "acc_x acc_y acc_z", "gyro_x gyro_y gyro_z"
-QUATERNION = indexed("q", 4)
-TURNED = (*QUATERNION[1:], QUATERNION[0])
-
-
-def imu(topic: Topic) -> Stream | None:
-    """sensor_combined [m/s^2, rad/s], or vehicle_imu (increments over intervals in microseconds)."""
-    acc, gyro = indexed("accelerometer_m_s2", 3), indexed("gyro_rad", 3)
-    if topic.name == "sensor_combined":
-        return stream_of("imu", topic, [(ACC, acc, _body(topic, *acc)), (GYRO, gyro, _body(topic, *gyro))])
-    parts = []
-    for words, fields in ((ACC, indexed("delta_velocity", 3)), (GYRO, indexed("delta_angle", 3))):
-        values, interval = _body(topic, *fields), topic.array(f"{fields[0][:-3]}_dt")
-        if values is not None and interval is not None:
-            with np.errstate(divide="ignore", invalid="ignore"):
-                values = np.where(interval > 0.0, values / (1e-6 * interval), np.nan)
-            parts.append((words, fields, values))
-    return stream_of("imu", topic, parts)
-
-
-def attitude(topic: Topic) -> Stream | None:
-    return stream_of("attitude", topic, [("roll pitch yaw", ("q",) * 3, _euler(topic))])
-
-
-def _euler(topic: Topic) -> np.ndarray | None:
-    turned = _turn(topic, QUATERNION)
-    return None if turned is None else so3.euler_zyx(turned)
-
-
-def attitude_qw(topic: Topic) -> Stream | None:
-    return stream_of("attitude_qw", topic, [("qx qy qz qw", TURNED, _turn(topic, QUATERNION))])
-
-
-def estimator(topic: Topic) -> Stream | None:
-    """Position and velocity of vehicle_local_position; NaN where PX4 marks them as not valid."""
-    parts = []
-    for words, fields, flags in (("x y z", ("x", "y", "z"), ("xy_valid", "z_valid")),
-                                 ("vx vy vz", ("vx", "vy", "vz"), ("v_xy_valid", "v_z_valid"))):
-        values, valid = _world(topic, *fields), topic.array(*flags)
-        if values is not None and valid is not None:
-            values = np.where(valid[:, [0, 0, 1]] > 0, values, np.nan)
-        parts.append((words, _swapped(fields), values))
-    return stream_of("estimator", topic, parts)
-
-
-def estimator_acc(topic: Topic) -> Stream | None:
-    fields = ("ax", "ay", "az")
-    return stream_of("estimator_acc", topic, [("ax ay az", _swapped(fields), _world(topic, *fields))])
-
-
-def mocap(topic: Topic) -> Stream | None:
-    """Poses given from outside. Velocity is left out: its frame changes between loggers, and poses give it."""
-    position = next((f for f in (indexed("position", 3), ("x", "y", "z")) if topic.array(*f) is not None), None)
-    if position is None:
-        return None
-    return stream_of(
-        "mocap",
-        topic,
-        [("px py pz", _swapped(position), _world(topic, *position)), ("qx qy qz qw", TURNED, _turn(topic, QUATERNION))],
-    )
-
-
-def setpoint(topic: Topic) -> Stream | None:
-    fields, yaw = ("x", "y", "z"), topic.array("yaw")
-    turned = None if yaw is None else frames.world_yaw(yaw)
-    return stream_of("setpoint", topic, [("x y z", _swapped(fields), _world(topic, *fields)), ("yaw", ["yaw"], turned)])
-
-
-def command(topic: Topic) -> Stream | None:
-    """Collective thrust set-point, 0..1 upward; PX4's vector points down."""
-    for field, sign in (("thrust_body[2]", -1.0), ("xyz[2]", -1.0), ("thrust", 1.0), ("control[3]", 1.0)):
-        values = topic.array(field)
-        if values is not None and np.isfinite(values).any():
-            return stream_of("command", topic, [("thrust", [field], sign * values)])
-    return None
-
-
-def battery(topic: Topic) -> Stream | None:
-    field = "voltage_v" if "voltage_v" in topic.fields else "voltage_filtered_v"
-    values = topic.array(field)
-    return stream_of("battery", topic, [("vbat", [field], None if values is None else _connected(values))])
-
-
-def _connected(volts: np.ndarray) -> np.ndarray:
-    return np.where(volts > 0.0, volts, np.nan)
-
-
-STREAMS = {
-    "imu": (imu, ("sensor_combined", "vehicle_imu")),
-    "attitude": (attitude, ("vehicle_attitude",)),
-    "attitude_qw": (attitude_qw, ("vehicle_attitude",)),
-    "estimator": (estimator, ("vehicle_local_position",)),
-    "estimator_acc": (estimator_acc, ("vehicle_local_position",)),
-    "mocap": (mocap, ("vehicle_mocap_odometry", "att_pos_mocap", "vehicle_visual_odometry")),
-    "setpoint": (setpoint, ("vehicle_local_position_setpoint",)),
-    "command": (
-        command,
-        ("vehicle_attitude_setpoint", "vehicle_thrust_setpoint", "vehicle_rates_setpoint", "actuator_controls_0"),
-    ),
-    "battery": (battery, ("battery_status",)),
-}
-"""Stream -> how it is made, topics it may come from, best first."""
+def _euler(turn: Stream) -> Stream:
+    angles = so3.euler_zyx(np.stack([turn[q] for q in QUATERNION], axis=1))
+    name = turn.columns[0].partition("[")[0]
+    return make_stream("attitude", turn.time_s, angles, EULER, [name] * 3, samples=turn.samples, rate_hz=turn.rate_hz)

@@ -70,7 +70,8 @@ def test_unknown_unit_names_the_column(tmp_path):
 def test_heading():
     assert heading("rpm") is None
     assert heading("temperature[C]") is None
-    assert (heading("pwm").motor, heading("pwm3").motor, heading("rpm_2").motor) == (0, 3, 2)
+    found = [heading(name).quantities for name in ("pwm", "pwm3", "rpm_2", "RPM motor 4", "pwm2 (us)", "PWM (us)")]
+    assert found == [("m1", "m2", "m3", "m4"), ("m3",), ("m2",), ("m4",), ("m2",), ("m1",)]
 
 
 POSES = "# a comment\n1000.5 1 2 3 0 0 0 1\n1000.6 1.1 2 3 0 0 0.6 0.8\n1000.7 1.2 2 3 0 0 0 -1\n"

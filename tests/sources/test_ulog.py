@@ -106,6 +106,36 @@ def test_poses_from_outside_setpoints_and_thrust(tmp_path):
     assert flight.provenance.findings == ()
 
 
+def test_the_truth_of_a_simulator_is_the_truth(tmp_path):
+    """Position and attitude of the same timestamps are one stream; the odometry of a camera is no truth then."""
+    q = yaw_right_of_north(math.pi / 2)
+    truth = {"vehicle_local_position_groundtruth": [(t, 1.0, 2.0, -3.0, 0.1, 0.2, -0.3) for t in T],
+             "vehicle_visual_odometry": [(t, 9.0, 9.0, -9.0, *q) for t in T]}
+    mocap = flight_of(tmp_path, {**truth, "vehicle_attitude_groundtruth": [(t, *q) for t in T]})["mocap"]
+    np.testing.assert_allclose(mocap["px", "py", "pz", "vx", "vy", "vz"], [[2.0, 1.0, 3.0, 0.2, 0.1, 0.3]] * 20)
+    np.testing.assert_allclose(np.abs(mocap["qw"]), 1.0, atol=1e-6)
+    apart = flight_of(tmp_path, {**truth, "vehicle_attitude_groundtruth": [(t + 3000, *q) for t in T]})["mocap"]
+    assert "qw" not in apart.quantities
+
+
+def test_increments_are_divided_by_their_interval(tmp_path):
+    rows = [(t, 0.01, 0.02, 0.03, 0.0, 0.0, -0.0981, 10_000, 10_000) for t in T]
+    imu = flight_of(tmp_path, {"vehicle_imu": rows})["imu"]
+    assert imu.quantities == ("acc_x", "acc_y", "acc_z", "gyro_x", "gyro_y", "gyro_z")
+    np.testing.assert_allclose(imu.values, [[0.0, 0.0, 9.81, 1.0, -2.0, -3.0]] * 20, rtol=1e-6, atol=1e-9)
+
+
+def test_the_first_instance_is_read_unless_it_ended_early(tmp_path):
+    """However often the second one was sent."""
+    often = [(t, 7.0) for t in times(n=80, step_us=2_500)]
+    assert flight_of(tmp_path, {"battery_status": [(t, 4.0) for t in T], "battery_status:1": often})["battery"][
+        "vbat"] == pytest.approx([4.0] * 20)
+    assert flight_of(tmp_path, {"battery_status": [(t, 4.0) for t in T[:3]], "battery_status:1": often})["battery"][
+        "vbat"] == pytest.approx([7.0] * 80)
+    assert flight_of(tmp_path, {"battery_status": [(t, 0.0) for t in T], "battery_status:1": often})["battery"][
+        "vbat"] == pytest.approx([7.0] * 80)
+
+
 def test_time_of_measuring_is_used_where_it_was_logged(tmp_path):
     q = yaw_right_of_north(0.0)
     flight = flight_of(

@@ -13,6 +13,10 @@ FORMATS = {
     "vehicle_attitude": "uint64_t timestamp;uint64_t timestamp_sample;float[4] q;",
     "vehicle_local_position": "uint64_t timestamp;bool xy_valid;bool z_valid;bool v_xy_valid;bool v_z_valid;"
     "float x;float y;float z;float vx;float vy;float vz;float ax;float ay;float az;",
+    "vehicle_local_position_groundtruth": "uint64_t timestamp;float x;float y;float z;float vx;float vy;float vz;",
+    "vehicle_attitude_groundtruth": "uint64_t timestamp;float[4] q;",
+    "vehicle_imu": "uint64_t timestamp;float[3] delta_angle;float[3] delta_velocity;uint32_t delta_angle_dt;"
+    "uint32_t delta_velocity_dt;",
     "vehicle_visual_odometry": "uint64_t timestamp;float[3] position;float[4] q;",
     "vehicle_local_position_setpoint": "uint64_t timestamp;float x;float y;float z;float yaw;",
     "vehicle_attitude_setpoint": "uint64_t timestamp;float[3] thrust_body;",
@@ -38,11 +42,9 @@ def _layout(name: str) -> str:
     return codes
 
 
-def ulog(
-    topics: dict[str, list[tuple]], parameters: dict[str, float] | None = None, instances: dict[str, int] | None = None
-) -> bytes:
+def ulog(topics: dict[str, list[tuple]], parameters: dict[str, float] | None = None) -> bytes:
     """``topics``: name -> rows (timestamp in microseconds first, then every field, arrays flattened), sorted into one
-    stream of messages by time as a logger would."""
+    stream of messages by time as a logger would. ``name:1`` is a topic's second instance."""
     out = MAGIC + b"\x01" + struct.pack("<Q", 1_000_000) + message("B", bytes(40))
     for name, fields in FORMATS.items():
         out += message("F", f"{name}:{fields}".encode())
@@ -52,7 +54,8 @@ def ulog(
         out += message("P", bytes([len(key)]) + key + struct.pack("<i" if isinstance(value, int) else "<f", value))
     rows = []
     for number, (name, data) in enumerate(topics.items()):
-        out += message("A", struct.pack("<BH", 0, number) + name.encode())
+        name, _, instance = name.partition(":")
+        out += message("A", struct.pack("<BH", int(instance or 0), number) + name.encode())
         rows += [(row[0], number, struct.pack(f"<H{_layout(name)}", number, *row)) for row in data]
     return out + b"".join(message("D", payload) for _, _, payload in sorted(rows, key=lambda r: r[:2]))
 

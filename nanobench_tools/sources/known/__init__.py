@@ -2,11 +2,15 @@
 
 A file holds ``title``, ``origin`` (where the names and units are documented) and entries ``[[names]]``:
 
-``name``     as the ecosystem writes it; ``{x,y,z}`` stands for one name each, and so on in ``is`` at the same place
+``name``     as the ecosystem writes it; ``{x,y,z}`` stands for one name each, and so on in ``is`` at the same place;
+             braces in ``is`` alone are one name for several quantities
 ``is``       ``stream.quantity`` of the vocabulary, ``time``, or absent where the vocabulary has no place; then
-``what``     says in a few words what it is
-``unit``     as ``units`` knows it (default "1"); ``sign``, ``offset`` [SI] and ``invalid`` (a reading that is none)
-``topic``    of PX4 and ROS: the message the name belongs to
+``what``     says in a few words what it is. In addition to ``is``: the column alone does not give the quantity, so
+             tables leave it out, and a reader that has the rest of the message uses it
+``unit``     as ``units`` knows it (default "1"; "" where the numbers have to show it); ``sign``, ``offset`` [SI] and
+             ``invalid`` (a reading that is none)
+``topic``    of PX4 and ROS: the message, or list of messages, the name belongs to; of several messages that give one
+             stream the first in the file is the best
 ``frame``    axes of the numbers (``axes``), where they are not ours
 ``plain``    true where others call columns the same: the name alone does not show the ecosystem
 
@@ -34,7 +38,8 @@ _BRACES = re.compile(r"\{([^{}]*)\}")
 @dataclass(frozen=True)
 class Known:
     """One name: ``value_SI = sign * factor(unit) * value + offset``. ``stream`` is empty for a time and for what the
-    vocabulary has no place for; then ``quantity`` is "time" or empty."""
+    vocabulary has no place for; then ``quantity`` is "time" or empty. With a ``what`` the column alone does not give
+    the quantity."""
 
     name: str
     stream: str = ""
@@ -55,23 +60,33 @@ class Known:
 
 @dataclass(frozen=True)
 class Ecosystem:
-    """``names`` in the order of the file."""
+    """``names`` in the order of the file; ``timeless``: its rows are settled points without a time."""
 
     key: str
     title: str
     origin: str
     names: tuple[Known, ...]
+    timeless: bool = False
 
     @functools.cached_property
     def streams(self) -> Mapping[str, Mapping[str, tuple[Known, ...]]]:
         """stream -> quantity, in the order of the vocabulary -> names that can give it, best first."""
         found: dict[str, dict[str, tuple[Known, ...]]] = {}
         for known in self.names:
-            if known.stream:
+            if known.stream and not known.what:
                 quantities = found.setdefault(known.stream, {})
                 quantities[known.quantity] = (*quantities.get(known.quantity, ()), known)
         return {stream: {q: quantities[q] for q in STREAM_QUANTITIES[stream] if q in quantities}
                 for stream, quantities in found.items()}
+
+    @functools.cached_property
+    def topics(self) -> Mapping[str, tuple[Known, ...]]:
+        """Message -> its names that give a quantity, in the order of the file."""
+        found: dict[str, tuple[Known, ...]] = {}
+        for known in self.names:
+            if known.topic and known.stream:
+                found[known.topic] = (*found.get(known.topic, ()), known)
+        return found
 
     def assign(self, there: Iterable[str]) -> dict[str, dict[str, Known]]:
         """Which of the names that are there becomes which quantity: stream -> quantity -> Known. Each is used once."""
@@ -94,7 +109,7 @@ def ecosystem(key: str) -> Ecosystem:
         raise UsageError(f"unknown ecosystem {key!r}; known: {', '.join(keys())}")
     content = tomllib.loads(path.read_text(encoding="utf-8"))
     names = tuple(itertools.chain.from_iterable(map(_expanded, content["names"])))
-    return Ecosystem(key, content["title"], content["origin"], names)
+    return Ecosystem(key, content["title"], content["origin"], names, content.get("timeless", False))
 
 
 def keys() -> tuple[str, ...]:
@@ -103,15 +118,20 @@ def keys() -> tuple[str, ...]:
 
 
 def _expanded(entry: Mapping[str, object]) -> Iterable[Known]:
-    """One Known for every alternative in braces."""
-    name, meaning = str(entry["name"]), str(entry.get("is", ""))
-    rest = {k: v for k, v in entry.items() if k not in ("name", "is")}
+    """One Known for every alternative in braces, and for every message."""
+    name, meaning, topic = str(entry["name"]), str(entry.get("is", "")), entry.get("topic", "")
+    rest = {k: v for k, v in entry.items() if k not in ("name", "is", "topic")}
     groups = [match.split(",") for match in _BRACES.findall(name)]
     targets = [match.split(",") for match in _BRACES.findall(meaning)]
-    for places in itertools.product(*(range(len(group)) for group in groups)):
-        picked = iter([group[k] for group, k in zip(groups, places, strict=True)])
-        goal = iter([group[k] for group, k in zip(targets, places, strict=False)])
-        spelled = _BRACES.sub(lambda _, picked=picked: next(picked), name)  # type: ignore[misc]
-        is_what = _BRACES.sub(lambda _, goal=goal: next(goal), meaning)  # type: ignore[misc]
-        stream, _, quantity = is_what.rpartition(".")
-        yield Known(spelled, stream, quantity, **rest)  # type: ignore[arg-type]
+    groups += targets[len(groups):]
+    for message in topic if isinstance(topic, list) else [topic]:
+        for places in itertools.product(*(range(len(group)) for group in groups)):
+            spelled = _filled(name, groups, places)
+            stream, _, quantity = _filled(meaning, targets, places).rpartition(".")
+            yield Known(spelled, stream, quantity, topic=str(message), **rest)  # type: ignore[arg-type]
+
+
+def _filled(text: str, groups: list[list[str]], places: Iterable[int]) -> str:
+    """``text`` with one alternative of each of its braces."""
+    picked = iter([group[k] for group, k in zip(groups, places, strict=False)])
+    return _BRACES.sub(lambda _: next(picked), text)
