@@ -17,7 +17,7 @@ from .column_evidence import LARGEST_FLIGHT_M, MOST_M_S2, pull_of, spans
 from .context import Context
 from .held_poses import POSITION, ROTATION
 from .paired_signals import FEWEST_ROWS
-from .plausible_ranges import WrongUnit
+from .plausible_ranges import WrongUnit, tracker_scale
 from .pose_frame import posed
 from .tilt_heading import FOLLOWS, tilt_and_acceleration
 from .usable_rows import typical_step_s, usable_streams
@@ -78,6 +78,8 @@ def _turned(context: Context) -> WrongUnit | None:
     stream = context.once(posed)
     if stream is None or not all(q in stream.quantities for q in (*POSITION, *ROTATION)):
         return None
+    if context.once(tracker_scale) != 1.0:
+        return None  # the position is in another unit
     keep = np.isfinite(stream[(*POSITION, *ROTATION)]).all(axis=1)
     if keep.sum() < FEWEST_ROWS / 10 or spans(stream[POSITION][keep]).max() < MOVES_M:
         return None

@@ -14,13 +14,17 @@ from itertools import permutations, product
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from .. import so3
+from ..flight import Stream
 from ..settings import number
 from .axis_unit_matching import CLEAR, CLEARLY, AxisUnitMatch, certain, correlations, wrong_matches
 from .context import Context
 from .held_poses import POSITION, ROTATION
+from .paired_signals import FEWEST_ROWS
 from .pairs import force_pair, gyro_pair, sums_of
 from .pose_frame import pose_frame
 from .unit_sign_errors import GRAVITY_SHARE, Gravity, gravity_axis
+from .usable_rows import usable_streams
 
 IMU = (("gyro_x", "gyro_y", "gyro_z"), ("acc_x", "acc_y", "acc_z"))
 ROTATIONS = tuple(turn for order in permutations(range(3)) for signs in product((1.0, -1.0), repeat=3)
@@ -104,7 +108,7 @@ def _imu(context: Context) -> StreamTurn | None:
     made = {make: (sums, correlations(sums)) for make in (gyro_pair, force_pair)
             if (sums := sums_of(context, make)) is not None}
     if gyro_pair not in made:
-        return None
+        return _imu_by_estimate(context, mean)
 
     def score(turn: np.ndarray) -> float:
         told = sum(float((turn * k).sum(axis=(1, 2)).max()) * (1.0 if make is gyro_pair else 0.5)
@@ -136,6 +140,43 @@ def _imu(context: Context) -> StreamTurn | None:
     vectors = tuple(v for make, v in zip((gyro_pair, force_pair), IMU, strict=True) if make in made or v[0] in
                     context.flight["imu"])
     return StreamTurn("imu", vectors, best.T, ", ".join(text for *_, text in seen))
+
+
+def _imu_by_estimate(context: Context, mean: np.ndarray | None) -> StreamTurn | None:
+    """The turn of the IMU without motion capture, by gravity (``mean``, its direction) and the estimated attitude."""
+    streams = context.once(usable_streams)
+    imu, estimate = streams.get("imu"), streams.get("attitude_qw")
+    if mean is None or imu is None or estimate is None or not all(q in imu for q in IMU[0]):
+        return None
+    middle, rates = rates_of(estimate)
+    if len(rates) < FEWEST_ROWS:
+        return None
+    gyro = np.stack([np.interp(middle, imu.time_s, imu[q]) for q in IMU[0]], axis=1)
+    known = np.isfinite(gyro).all(axis=1) & np.isfinite(rates).all(axis=1)
+    gyro, rates = gyro[known] - gyro[known].mean(axis=0), rates[known] - rates[known].mean(axis=0)
+    size = np.outer(np.linalg.norm(gyro, axis=0), np.linalg.norm(rates, axis=0))
+    k = gyro.T @ rates / np.maximum(size, 1e-12)
+    best = max((turn for turn in ROTATIONS if mean @ turn[:, 2] > GRAVITY_SHARE), default=ROTATIONS[0],
+               key=lambda turn: float((turn * k).sum()))
+    seen = [(i, int(np.argmax(np.abs(best[i])))) for i in range(3)]
+    clear = [(i, j) for i, j in seen if best[i, j] * k[i, j] > CLEAR]
+    moved = [(i, j) for i, j in clear if best[i, i] < 1.0]
+    if np.array_equal(best, ROTATIONS[0]) or len(clear) < 2 or not moved:
+        return None
+    axis = int(np.argmax(np.abs(mean)))
+    why = [f"gravity lies along {'-' * bool(mean[axis] < 0)}{IMU[1][axis]}",
+           *(f"{IMU[0][i]} follows {'-' * bool(best[i, j] < 0)}{'xyz'[j]} of the estimated attitude ({k[i, j]:+.2f})"
+             for i, j in moved)]
+    return StreamTurn("imu", IMU, best.T, ", ".join(why))
+
+
+def rates_of(turn: Stream) -> tuple[np.ndarray, np.ndarray]:
+    """times (n,) s and body rates (n, 3) rad/s between rows of an attitude."""
+    q = so3.make_continuous(turn[ROTATION])
+    step = np.diff(turn.time_s)
+    known = (step > 0.0) & np.isfinite(q[1:]).all(axis=1) & np.isfinite(q[:-1]).all(axis=1)
+    between = so3.multiply(so3.conjugate(q[:-1][known]), q[1:][known])
+    return 0.5 * (turn.time_s[1:] + turn.time_s[:-1])[known], so3.log(between) / step[known, None]
 
 
 def in_words(turn: np.ndarray) -> str:

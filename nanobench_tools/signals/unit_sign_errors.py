@@ -48,13 +48,15 @@ def gravity_axis(context: Context) -> Gravity | None:
 
 
 def wrong_units(context: Context) -> list[WrongUnit]:
-    """Ranges first; what they explain is not reported again by the path and the comparison."""
+    """Ranges first; what they explain is not reported again by the path and the comparison. Gravity alone decides the
+    unit of the accelerometer: derivatives of noisy poses are larger than any acceleration."""
     found = list(context.once(wrong_ranges))
     reported = {(w.stream, q) for w in found for q in w.quantities}
     found += [w for w in context.once(wrong_paths) if not reported & {(w.stream, q) for q in w.quantities}]
     reported = {(w.stream, q) for w in found for q in w.quantities}
     for verdict in context.once(wrong_matches):
-        if verdict.factor == 1.0 or any((verdict.stream, q) in reported for q in verdict.quantities):
+        if verdict.factor == 1.0 or verdict.quantities == ACC or any((verdict.stream, q) in reported
+                                                                     for q in verdict.quantities):
             continue
         found.append(
             WrongUnit(verdict.stream, verdict.quantities, verdict.factor,

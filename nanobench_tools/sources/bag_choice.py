@@ -73,11 +73,19 @@ def choose(topics: Sequence[Topic], vehicle: Vehicle, chosen: Mapping[str, str],
     streams = {stream: _named(name, topics, stream, place) for stream, name in chosen.items()}
     left: list[str] = []
     poses = [t for t in own if t.kind in POSES]
+    onboard = [t for t in poses if t.role is Role.ESTIMATE and not set(t.words) & AUTOPILOT]
     for role in (Role.TRACKER, Role.FORWARDED, Role.UNKNOWN):
-        if "mocap" not in streams and (found := _one([t for t in poses if t.role is role], "mocap", place)) is not None:
-            streams["mocap"] = found
-            if role is Role.UNKNOWN:
-                left.append(f"{found.name} is taken for motion capture: its name does not say what it is")
+        if "mocap" in streams or (found := _one([t for t in poses if t.role is role], "mocap", place)) is None:
+            continue
+        seen = role is Role.FORWARDED and "vision" in found.words
+        if seen and onboard:
+            left.append(f"{found.name} is not read as motion capture: {onboard[0].name} may have made it on board; "
+                        f"{_how('mocap', [found])}")
+            continue
+        streams["mocap"] = found
+        if seen or role is Role.UNKNOWN:
+            left.append(f"{found.name} is taken for motion capture: its name does not say "
+                        + ("whether a tracker or a camera on board made it" if seen else "what it is"))
     known = "mocap" in streams and streams["mocap"].role is not Role.UNKNOWN
     estimates = [t for t in poses if t.role is Role.ESTIMATE or (known and t.role is Role.UNKNOWN and not t.body)]
     for stream, candidates in (("estimator", estimates), ("imu", [t for t in own if t.kind == IMU])):

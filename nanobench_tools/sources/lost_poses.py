@@ -1,5 +1,6 @@
 """Rows in which a tracker writes a placeholder because it does not see the body: zeros, the identity, a number far
-outside. They are read as missing, so that they are an occlusion and no jump to the origin and back.
+outside. They are read as missing, so that they are an occlusion and no jump to the origin and back. Zeros or the
+identity as rotation in every row of a path that moves are placeholders, too: no attitude was sent.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from .. import so3
-from ..flight import Flight, Stream
+from ..flight import Fault, Flight, Stream
 from ..settings import number
 
 POSITION, ROTATION = ("px", "py", "pz"), ("qx", "qy", "qz", "qw")
@@ -18,10 +19,14 @@ APART_M = number("sources.lost_poses.apart_m")
 STEPS = number("sources.lost_poses.steps")
 APART_RAD = number("sources.lost_poses.apart_rad")
 """The same of an identity rotation."""
+FEWEST_ROWS = 100
+"""Of one and the same rotation, to be called a placeholder: a convention."""
 
 
 def without_placeholders(flight: Flight) -> Flight:
-    """The flight with NaN where its motion capture holds placeholders, and a note that says so; itself without any."""
+    """The flight with NaN where its motion capture holds placeholders, and a note that says so; without its attitude,
+    and with a finding, where no attitude was sent; itself without either."""
+    flight = _without_unsent_attitude(flight)
     stream = flight.streams.get("mocap")
     if stream is None or not len(rows := np.flatnonzero(placeholders(stream))):
         return flight
@@ -31,6 +36,28 @@ def without_placeholders(flight: Flight) -> Flight:
             "read as missing")
     return replace(flight.with_streams(mocap=replace(stream, values=values)),
                    provenance=replace(flight.provenance, notes=(*flight.provenance.notes, note)))
+
+
+def _without_unsent_attitude(flight: Flight) -> Flight:
+    stream = flight.streams.get("mocap")
+    if stream is None or len(stream) < FEWEST_ROWS or not all(q in stream for q in (*POSITION, *ROTATION)):
+        return flight
+    turn, position = stream[ROTATION], stream[POSITION]
+    turn, there = turn[np.isfinite(turn).all(axis=1)], position[np.isfinite(position).all(axis=1)]
+    if len(turn) < FEWEST_ROWS or len(there) < 2 or np.ptp(turn, axis=0).any() or np.ptp(there, axis=0).max() < APART_M:
+        return flight
+    if np.count_nonzero(turn[0]) > 1 or turn[0, 1:3].any():
+        return flight
+    kept = [k for k, q in enumerate(stream.quantities) if q not in ROTATION]
+    columns = tuple(stream.columns[stream.index(q)] for q in ROTATION)
+    value = ", ".join(f"{v:g}" for v in turn[0])
+    evidence = f"the attitude is {value} in every row while the position moves: none was sent; left out"
+    finding = Fault("missing_column", "mocap", columns, float(stream.time_s[0]), float(stream.time_s[-1]), 4.0,
+                    "columns", evidence)
+    left = replace(stream, values=stream.values[:, kept], columns=tuple(stream.columns[k] for k in kept),
+                   quantities=tuple(stream.quantities[k] for k in kept), unit=tuple(stream.unit[k] for k in kept))
+    return replace(flight.with_streams(mocap=left), provenance=replace(
+        flight.provenance, findings=(*flight.provenance.findings, finding)))
 
 
 def placeholders(stream: Stream) -> np.ndarray:

@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from .. import so3
 from ..errors import InputError
 from ..flight import STREAM_QUANTITIES, Fault, Flight, Provenance, Stream, make_stream
 from .bag_choice import KNOWN, ODOMETRY, POSES, ROS, Choice, Vehicle, choose, vehicles_in
 from .bag_clocks import clocks_of
 from .bag_messages import LIST, Bag, read_bags, suffix_of
 from .bag_topics import Topic
+from .bag_twist import twist_in_world
 from .base import not_numbers, text_fault
 from .cells import GIGANTIC
 from .column_map import ColumnMap, Entry, in_units, read_column_map
@@ -79,7 +79,7 @@ class RosBag:
         made: dict[str, tuple[np.ndarray, Stream]] = {}
         faults: list[Fault] = []
         for plan in plans:
-            if (stream := _stream(plan, bag, faults)) is not None:
+            if (stream := _stream(plan, bag, times[plan.topic], faults, moved)) is not None:
                 made[plan.stream] = times[plan.topic], stream if self.map is None else self.map.turned(
                     plan.stream, stream)
         if not made:
@@ -198,8 +198,8 @@ def _undefined(bag: Bag) -> list[str]:
                      "package; an MCAP file would hold it" for topic, kind in bag.assumed.items()]
 
 
-def _stream(plan: _Plan, bag: Bag, faults: list[Fault]) -> Stream | None:
-    """The stream of a plan, its times still zero."""
+def _stream(plan: _Plan, bag: Bag, time_ns: np.ndarray, faults: list[Fault], notes: list[str]) -> Stream | None:
+    """The stream of a plan, its times still zero. ``time_ns`` (n,): those of its messages."""
     messages = [m for _, m in bag.messages.get(plan.topic, [])]
     entries, columns = [], []
     for entry in plan.entries:
@@ -218,8 +218,9 @@ def _stream(plan: _Plan, bag: Bag, faults: list[Fault]) -> Stream | None:
         return None
     block = np.stack(columns, axis=1)
     quantities = tuple(e.quantity for e in entries)
-    if plan.turned:
-        block = _turned(block, quantities, messages)
+    if plan.turned and (velocity := [quantities.index(q) for q in ("vx", "vy", "vz") if q in quantities]):
+        block[:, velocity], note = twist_in_world(block[:, velocity], messages, time_ns)
+        notes += [f"{plan.topic}: {note}"] if note else []
     names = [e.column if e.index is None else f"{e.column}[{e.index}]" for e in entries]
     return in_units(make_stream(plan.stream, np.zeros(len(block)), block, quantities, names), entries)
 
@@ -235,19 +236,6 @@ def _values(messages: Iterable[Any], entry: Entry) -> np.ndarray | None:
     except (AttributeError, TypeError, ValueError):
         return None
     return np.where(np.abs(values) < GIGANTIC, values, np.nan)
-
-
-def _turned(block: np.ndarray, quantities: tuple[str, ...], messages: list[Any]) -> np.ndarray:
-    """Odometry's velocity from the body into the world."""
-    columns = [quantities.index(q) for q in ("vx", "vy", "vz") if q in quantities]
-    turns = [m.pose.pose.orientation for m in messages]
-    quaternion = np.array([[q.x, q.y, q.z, q.w] for q in turns], float)
-    norm = np.linalg.norm(quaternion, axis=1, keepdims=True)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        quaternion = quaternion / norm
-    if len(columns) == 3:
-        block[:, columns] = so3.rotate(quaternion, block[:, columns])
-    return block
 
 
 def _placed(stamps: np.ndarray, stream: Stream, start: int) -> Stream:

@@ -15,6 +15,7 @@ from __future__ import annotations
 from ...flight import Fault, Flight
 from ...signals.axis_unit_matching import CLEAR
 from ...signals.context import Context
+from ...signals.pairs import gyro_pair, sums_of
 from ...signals.stream_frames import unexplained, unexplained_gravity
 from ...signals.unit_sign_errors import ACC, against
 from ...units import GRAVITY_M_S2
@@ -31,7 +32,7 @@ def wrong_signs(context: Context) -> list[tuple[str, str, str]]:
     if gravity is not None and gravity.sign < 0:
         found.append(("imu", ACC[gravity.axis],
                       f"the mean specific force along {ACC[gravity.axis]} is {gravity.mean[gravity.axis]:.2f} "
-                      f"m/s^2, a vehicle on its feet has +{GRAVITY_M_S2}"))
+                      f"m/s^2, a vehicle on its feet has +{GRAVITY_M_S2}" + _or_frd(context, gravity.axis)))
     for verdict in context.once(unexplained):
         for quantity, sign, k in zip(verdict.quantities, verdict.sign, verdict.correlation, strict=True):
             if sign < 0 and (verdict.stream, quantity) not in {(s, q) for s, q, _ in found}:
@@ -39,6 +40,13 @@ def wrong_signs(context: Context) -> list[tuple[str, str, str]]:
                               f"{quantity} of {verdict.stream} correlates {k:+.2f} with what the "
                               f"{against(verdict)} predicts"))
     return found
+
+
+def _or_frd(context: Context, axis: int) -> str:
+    """Where nothing shows the axes of the gyro, gravity alone cannot tell one negated column from a turned sensor."""
+    if axis != 2 or "gyro_x" not in context.flight["imu"] or sums_of(context, gyro_pair) is not None:
+        return ""
+    return '; if y points right, too, the whole sensor is in FRD axes: write frame = "FRD"'
 
 
 def find(flight: Flight, context: Context) -> list[Fault]:
