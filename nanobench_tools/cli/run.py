@@ -41,9 +41,11 @@ def run(options: Options, clock_name: str | None, practice: bool) -> int:
     everything made from them says SYNTHETIC. Started again after an interrupt it goes on where it was. --json holds
     all result files in one: audit, estimate, control, sysid.
     """
+    from ..pages.report_page import page_path
+
     screens: list[Table | str] = []
     results = main_job(options, practice, clock_name, screens)
-    page = (options.out or OUT) / "report.html"
+    page = page_path(options.out or OUT)
     close(options, f"{page}, tables as CSV and LaTeX and all results as JSON in {page.parent}", "see it",
           *shown_page(page), screen=screens, lines=LONGEST)
     if options.json is not None:

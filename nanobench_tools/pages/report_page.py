@@ -31,6 +31,7 @@ from .row_cells import AS_RECORDED, clock_of
 from .task3_tables import logged_method
 from .tiles import tiles
 
+_TITLE = re.compile(r"<title>(.*?)</title>", re.DOTALL)
 RESULTS = ("audit", "estimate", "sysid", "thrust", "control", "verdict")
 """Result files the page is made from, ``<name>.json``."""
 SCRIPTS = ("chart.js", "page.js")
@@ -60,7 +61,8 @@ class Section:
 
 def write_report(out_dir: Path, results: Mapping[str, Mapping[str, Any]], flights: Iterable[Flight],
                  audits: Mapping[str, Audit], synthetic: bool) -> Path:
-    """Writes report.html and the tables (CSV, LaTeX) into ``out_dir`` and returns the path of the page.
+    """Writes report.html and the tables (CSV, LaTeX) into ``out_dir`` and returns the path of the page; never over the
+    page of another verb (``page_path``).
 
     ``results`` are the contents of the result files by name (``audit``, ``estimate``, ``sysid``, ``control``,
     ``thrust``, ``verdict``); of one that is absent nothing is shown. A flight without an audit in ``audits`` takes the
@@ -88,9 +90,18 @@ def write_report(out_dir: Path, results: Mapping[str, Mapping[str, Any]], flight
     views = [recording.view(flight, entry[flight.name], taken_out.get(flight.name)) for flight in flights]
     chosen = typical({name: e for name, e in entry.items() if e}, taken_out)
     wander = next((clock_error(f, entry[f.name] or {}, taken_out[f.name]) for f in flights if f.name == chosen), None)
-    path = out_dir / "report.html"
+    path = page_path(out_dir)
     write_bytes(path, render(results, tables, views, wander, label).encode(errors="replace"))
     return path
+
+
+def page_path(out_dir: Path) -> Path:
+    """report.html, or overview.html where report.html is another page, such as that of ``diagnose``."""
+    path = out_dir / "report.html"
+    if not path.is_file():
+        return path
+    title = _TITLE.search(path.read_text(encoding="utf-8", errors="replace")[:8000])
+    return path if title is not None and title[1].strip().endswith("nanobench report") else out_dir / "overview.html"
 
 
 def render(results: Mapping[str, Mapping[str, Any]], tables: Sequence[Table], views: Sequence[Mapping[str, Any]],

@@ -132,6 +132,18 @@ def test_audits_given_as_objects_are_used(tmp_path, flights, make):
     assert "13.0 of 16.0 s of flight usable" in text
 
 
+def test_the_page_of_another_verb_is_kept(tmp_path):
+    verdict = {"verdict": {"outcome": "named", "headline": "Words.", "paragraph": "Words."}}
+    diagnosis = "<html><title>nanobench diagnose</title></html>"
+    (tmp_path / "report.html").write_text(diagnosis)
+    made = [write_report(tmp_path, verdict, [], {}, synthetic=False).name for _ in range(2)]
+    assert made == ["overview.html"] * 2
+    assert (tmp_path / "report.html").read_text() == diagnosis
+    (tmp_path / "report.html").unlink()
+    made = [write_report(tmp_path, verdict, [], {}, synthetic=False).name for _ in range(2)]
+    assert made == ["report.html"] * 2
+
+
 def test_a_diagnosis_beside_the_others_is_told(tmp_path):
     verdict = {"outcome": "named", "headline": "The simulator is wrong about drag_linear (97%).", "paragraph": "Words.",
                "findings": [{"term": "drag_linear"}]}
