@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import itertools
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -106,11 +107,13 @@ class Study:
 
 
 def identify(train: Iterable[Flight | str | Path], test: Iterable[Flight | str | Path] | None = None, *,
-             mass_kg: float | None = None, vehicle: Vehicle | None = None, seed: int = 0) -> Study:
+             mass_kg: float | None = None, vehicle: Vehicle | None = None, seed: int = 0,
+             progress: Callable[[int, int], None] = lambda done, total: None) -> Study:
     """Everything from recordings (flights, files, folders); without ``test`` flights are held out in turn.
 
-    mass_kg: of the vehicle with battery; without it only k_f / m is known, and the vehicle's mass is taken. InputError
-    for flights that cannot be used, one flight alone, or flights of different vehicles.
+    mass_kg: of the vehicle with battery; without it only k_f / m is known, and the vehicle's mass is taken. progress
+    gets how many fits of how many are done. InputError for flights that cannot be used, one flight alone, or flights of
+    different vehicles.
     """
     parts = [_load(train), *([] if test is None else [_load(test)])]
     if mass_kg is not None and not BOUNDS["mass_kg"][0] <= mass_kg <= BOUNDS["mass_kg"][1]:
@@ -131,10 +134,16 @@ def identify(train: Iterable[Flight | str | Path], test: Iterable[Flight | str |
                   [i for i, log in enumerate(logs) if log.path not in places[0]])]
     learn = [logs[i] for i in sorted({i for a, _ in folds for i in a})]
     study = Study(logs, folds, frame, mass_kg is not None, reasons, fit_force(learn, seed), hover(learn, frame))
-    _lags(study, seed)
+    total = (len(lagging.CANDIDATES) + len(turning.INPUTS)) * (len(folds) + 1) + len(logs)
+    done = itertools.count(1)
+
+    def fitted() -> None:
+        progress(min(next(done), total), total)
+
+    _lags(study, seed, fitted)
     _steady(study)
     _torque(study)
-    _rotation(study, seed)
+    _rotation(study, seed, fitted)
     return study
 
 
@@ -177,7 +186,7 @@ def _one_vehicle(logs: Sequence[Log]) -> None:
                          f"against {single[least]:.3g}", "give the flights of one vehicle at a time")
 
 
-def _lags(study: Study, seed: int) -> None:
+def _lags(study: Study, seed: int, fitted: Callable[[], None]) -> None:
     row_s = study.logs[0].row_s
     data = lagging.windows_of(study.logs)
     if not len(data.u):
@@ -187,19 +196,24 @@ def _lags(study: Study, seed: int) -> None:
     bases = [hover([study.logs[i] for i in train], study.vehicle) for train, _ in study.folds]
     for name in lagging.CANDIDATES:
         rms = np.full(len(study.logs), np.nan)
-        study.fold_lags[name] = [lagging.fit_lag(base, data, row_s, name, np.array(train))
-                                 for base, (train, _) in zip(bases, study.folds, strict=True)]
+        study.fold_lags[name] = []
+        for base, (train, _) in zip(bases, study.folds, strict=True):
+            study.fold_lags[name].append(lagging.fit_lag(base, data, row_s, name, np.array(train)))
+            fitted()
         for fit, (_, test) in zip(study.fold_lags[name], study.folds, strict=True):
             tested = [i for i in test if np.any(data.flight == i)]
             rms[tested] = lagging.held_out_rms(fit, data, row_s, tested)
         study.lag_rms[name] = rms
         study.lags[name] = lagging.fit_lag(study.base, data, row_s, name, np.array(study.train))
+        fitted()
     able = {n: fit.rms_rad_s for n, fit in study.lags.items() if not fit.trouble}
     study.best_lag = next(n for n in able if able[n] <= lagging.NO_WORSE * min(able.values()))
     study.lag_ci95 = lagging.intervals(study.lags["up and down + delay"], seed=seed,
                                        sessions=study.sessions[np.intersect1d(study.train, data.flight)])
-    study.lag_by_flight = [lagging.fit_lag(study.base, data, row_s, "up and down + delay", np.array([i]))
-                           if np.any(data.flight == i) else None for i in range(len(study.logs))]
+    for i in range(len(study.logs)):
+        study.lag_by_flight.append(lagging.fit_lag(study.base, data, row_s, "up and down + delay", np.array([i]))
+                                   if np.any(data.flight == i) else None)
+        fitted()
 
 
 def _steady(study: Study) -> None:
@@ -245,7 +259,7 @@ def inertia(study: Study, train: Sequence[int] | None = None) -> tuple[float, fl
     return values[0], values[1], study.vehicle.inertia_kg_m2[2]
 
 
-def _rotation(study: Study, seed: int) -> None:
+def _rotation(study: Study, seed: int, fitted: Callable[[], None]) -> None:
     """Nothing of a fold's test flights is in its models: neither lag nor k_f nor moments of inertia."""
     for kind in turning.INPUTS:
         found = turning.batch(study.logs, kind, seed)
@@ -255,6 +269,7 @@ def _rotation(study: Study, seed: int) -> None:
         model = turning.rotation_model(study.lag, kind, inertia(study), 1.0 / data.row_hz)
         study.models[kind.name] = turning.fit_rotation(model, data.part(np.isin(data.flight, study.train)),
                                                         kind.own_lag)
+        fitted()
         if kind.own_lag:
             continue  # says which lag an input shows by itself; not scored
         parts, troubles = [], []
@@ -264,6 +279,7 @@ def _rotation(study: Study, seed: int) -> None:
                 continue
             model = turning.rotation_model(lag, kind, inertia(study, train), 1.0 / data.row_hz)
             fit = turning.fit_rotation(model, learn, kind.own_lag)
+            fitted()
             troubles += [fit.trouble] if fit.trouble else []
             parts.append((held.flight, turning.errors(fit, held)))
         if not parts:

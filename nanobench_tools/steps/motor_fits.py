@@ -53,8 +53,9 @@ def study_motors(options: Options, train: Sequence[Flight], test: Sequence[Fligh
     from identification.motors import identify
     from identification.motors.motor_result import motor_result
 
-    with options.progress.task("motors", 1):
-        study = identify(train, test, mass_kg=mass_kg, seed=options.seed)
+    with options.progress.task("motors", 1) as step:
+        study = identify(train, test, mass_kg=mass_kg, seed=options.seed,
+                         progress=lambda done, total: step(done, total=total))
         return study, motor_result(study, options.seed)
 
 

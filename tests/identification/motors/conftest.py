@@ -22,5 +22,12 @@ def few_inputs():
 
 
 @pytest.fixture(scope="session")
-def study(logs, few_inputs):
-    return identify([flight(log, f"made{i}") for i, log in enumerate(logs)], mass_kg=MASS)
+def reported():
+    """What the study reports as progress: (done, of how many)."""
+    return []
+
+
+@pytest.fixture(scope="session")
+def study(logs, few_inputs, reported):
+    return identify([flight(log, f"made{i}") for i, log in enumerate(logs)], mass_kg=MASS,
+                    progress=lambda *step: reported.append(step))

@@ -118,3 +118,8 @@ def test_a_single_log_is_one_line(logs, tmp_path, capsys):
     said = capsys.readouterr().err
     assert "one flight only" in said
     assert said.count("\n") == 1
+
+
+def test_progress_counts_the_fits(study, reported):
+    assert [done for done, _ in reported] == list(range(1, len(reported) + 1))
+    assert {total for _, total in reported} == {len(reported)}
