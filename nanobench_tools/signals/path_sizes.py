@@ -13,7 +13,7 @@ import numpy as np
 from .. import so3
 from ..settings import number
 from ..units import GRAVITY_M_S2
-from .column_evidence import LARGEST_FLIGHT_M, MOST_M_S2, pull_of, spans
+from .column_evidence import LARGEST_FLIGHT_M, MOST_M_S2, noise_by_axis, pull_of, spans
 from .context import Context
 from .held_poses import POSITION, ROTATION
 from .paired_signals import FEWEST_ROWS
@@ -26,6 +26,10 @@ PATHS = {"mocap": POSITION, "estimator": ("x", "y", "z")}
 FINEST_M = number("audit.path_sizes.finest_m")
 THINNEST_M = number("audit.path_sizes.thinnest_m")
 THINNER = number("audit.path_sizes.thinner")
+LEAST_NOISE_M = 1e-5
+"""Noise of a position below which it is no tracker's in metres: a tenth of a good one's."""
+HARDLY = 1.0 / 3.0
+"""Tilt along an axis below this share of that along the other is none of a path of the same size: a convention."""
 MOVES_M = number("audit.path_sizes.moves_m")
 LEAST_M_S2 = number("audit.path_sizes.least_m_s2")
 TILT_APART = number("audit.path_sizes.tilt_apart")
@@ -46,7 +50,7 @@ def wrong_paths(context: Context) -> list[WrongUnit]:
         keep = np.isfinite(position).all(axis=1)
         if keep.sum() < FEWEST_ROWS / 10:
             continue
-        thin = _thin(name, quantities, position[keep])
+        thin = _thin(context, name, quantities, position[keep])
         if thin is not None and not reported & set(thin.quantities):
             found.append(thin)
         if (pace := _pace(name, stream.time_s[keep], position[keep])) is not None and "t" not in reported:
@@ -92,8 +96,10 @@ def _turned(context: Context) -> WrongUnit | None:
                                                         f"accelerations of the path need {needed:.2g} rad")
 
 
-def _thin(name: str, quantities: tuple[str, ...], position: np.ndarray) -> WrongUnit | None:
-    """An axis that moves within millimetres of the origin while another moves ``THINNER`` times as far."""
+def _thin(context: Context, name: str, quantities: tuple[str, ...], position: np.ndarray) -> WrongUnit | None:
+    """An axis that moves within millimetres of the origin while another moves ``THINNER`` times as far.
+
+    None where noise or tilt shows a path along a line or in a plane: a rail, a car, a flight straight ahead."""
     extent = spans(position)
     if not (extent > FINEST_M).any():
         return None
@@ -101,9 +107,28 @@ def _thin(name: str, quantities: tuple[str, ...], position: np.ndarray) -> Wrong
     ratio = float(extent[thin] / extent.max())
     if ratio * THINNER > 1.0 or np.nanmax(np.abs(position[:, thin])) > THINNEST_M:
         return None
+    if _noisy_as_metres(thin, position) or (name == "mocap" and _never_tilts(context, thin)):
+        return None
     farthest_mm = 1e3 * float(np.abs(position[:, thin]).max())
     return WrongUnit(name, (quantities[thin],), 1e-3, f"{quantities[thin]} of {name} stays within {farthest_mm:.2g} mm "
-                                                      f"of 0, and another axis spans {extent.max():.2g} m")
+                                                      f"of 0, and another axis spans {extent.max():.2g} m, and nothing "
+                                                      "shows that the path is a line or lies in a plane")
+
+
+def _noisy_as_metres(axis: int, position: np.ndarray) -> bool:
+    """Whether an axis has the noise of a tracker, and of the other axes as far as theirs is known."""
+    sizes, most = noise_by_axis(position, True)
+    known = sizes[np.isfinite(sizes)]
+    return bool(sizes[axis] > LEAST_NOISE_M and known.max() < most * known.min())
+
+
+def _never_tilts(context: Context, axis: int) -> bool:
+    """Whether the vehicle hardly tilts along a horizontal axis while it does along the other."""
+    both = context.once(tilt_and_acceleration) if axis < 2 else None
+    if both is None:
+        return False
+    size = np.sqrt(np.mean(both[1] ** 2, axis=0))
+    return bool(size[axis] < HARDLY * size[1 - axis])
 
 
 def _pace(name: str, time_s: np.ndarray, position: np.ndarray) -> WrongUnit | None:

@@ -72,6 +72,29 @@ def test_a_thin_axis_without_attitude():
     assert reported(alone) == {("mocap", "px")}
 
 
+@pytest.mark.parametrize("axes", [(0,), (0, 2), (0, 1)])
+def test_a_line_and_a_plane_are_no_other_unit(axes):
+    """A rail, a flight straight ahead, a car: what a tracker sees of the other axes is its noise."""
+    t = np.arange(0.0, 20.0, 0.01)
+    position = np.random.default_rng(3).normal(0.0, 2e-4, (len(t), 3))
+    for axis in axes:
+        position[:, axis] += np.sin((0.7 + 0.2 * axis) * t)
+    flight = Flight("f", {"mocap": make_stream("mocap", t, position, POSES[:3])}, {}, None)
+    assert reported(flight) == set()
+    thin = position * [1.0 if k in axes else 1e-3 for k in range(3)]
+    assert reported(flight.with_streams(mocap=replace(flight["mocap"], values=thin)))
+
+
+def test_a_smooth_flight_straight_ahead_by_its_tilt():
+    """As a simulator gives it, without noise: it hardly tilts to the side."""
+    flight = multirotor()
+    values = flight["mocap"].values.copy()
+    values[:, 1] *= 1e-3
+    values[:, 3] *= 1e-3  # no roll
+    values[:, 6] = np.sqrt(1.0 - (values[:, 3:6] ** 2).sum(axis=1))
+    assert reported(flight.with_streams(mocap=replace(flight["mocap"], values=values))) == set()
+
+
 def test_an_attitude_that_hardly_turns():
     assert reported(multirotor(turning=0.001)) >= {("mocap", q) for q in POSES[3:]}
 
