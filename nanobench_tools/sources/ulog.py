@@ -17,7 +17,7 @@ from . import ulog_motors
 from .base import not_numbers, text_fault
 from .sheets import Sheet
 from .ulog_messages import MAGIC, Whole, whole_messages
-from .ulog_topics import Topic, streams_of, topic_of, topics_of
+from .ulog_topics import Topic, left_out, streams_of, topic_of, topics_of
 
 CLOCK_TOPICS = ("vehicle_gps_position", "sensor_gps")
 MEASURED = ("imu", "attitude", "attitude_qw", "battery", "rpm")
@@ -78,7 +78,8 @@ class Px4Log:
                 "firmware": str(log.msg_info_dict.get("ver_sw_release_str", log.get_version_info_str() or "unknown")),
                 "hardware": str(log.msg_info_dict.get("ver_hw", "unknown")),
             },
-            Provenance(str(path), "", self.name, False, tuple(findings), (*_notes(log, streams), *turning.notes)),
+            Provenance(str(path), "", self.name, False, tuple(findings),
+                       (*_notes(log, streams), *left_out(topics, streams), *turning.notes)),
             epoch_s=start + (boot or 0.0),
         )
 

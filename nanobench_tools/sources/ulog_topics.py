@@ -95,6 +95,20 @@ def streams_of(topics: Mapping[str, Sequence[Topic]], unread: list[str]) -> dict
     return found
 
 
+def left_out(topics: Mapping[str, Sequence[Topic]], streams: Mapping[str, Stream]) -> list[str]:
+    """A sentence for every topic that has what a stream lacks, and is another topic than that of the stream."""
+    told = []
+    for name in topics_of():
+        lacking = [k for k in PX4.topics[name] if name in topics and k.stream in streams
+                   and k.quantity not in streams[k.stream].quantities and topics[name][0].array(k.name) is not None]
+        for stream in dict.fromkeys(known.stream for known in lacking):
+            used = streams[stream].columns[0].partition(".")[0]
+            quantities = ", ".join(dict.fromkeys(known.quantity for known in lacking if known.stream == stream))
+            if used != name:
+                told.append(f"{quantities} of {name} not read: {stream} is {used}, whose timestamps differ")
+    return told
+
+
 def _read(stream: str, topic: Topic) -> Stream | None:
     """What one topic gives of a stream; None without any number."""
     chosen: dict[str, tuple[Known, np.ndarray]] = {}
@@ -107,8 +121,10 @@ def _read(stream: str, topic: Topic) -> Stream | None:
     if not chosen:
         return None
     chosen = {quantity: chosen[quantity] for quantity in STREAM_QUANTITIES[stream] if quantity in chosen}
-    made = stream_of(stream, topic, tuple(chosen), [known.name for known, _ in chosen.values()],
-                     np.stack([values for _, values in chosen.values()], axis=1))
+    block = np.stack([values for _, values in chosen.values()], axis=1)
+    if turn := [k for k, quantity in enumerate(chosen) if quantity in QUATERNION]:
+        block[:, turn] = np.where(block[:, turn].any(axis=1, keepdims=True), block[:, turn], np.nan)  # zeros: none sent
+    made = stream_of(stream, topic, tuple(chosen), [known.name for known, _ in chosen.values()], block)
     frame = next((known.frame for known, _ in chosen.values() if known.frame), "")
     return in_our_axes(made, frame_of(frame)) if made is not None and frame else made
 

@@ -114,8 +114,15 @@ def test_the_truth_of_a_simulator_is_the_truth(tmp_path):
     mocap = flight_of(tmp_path, {**truth, "vehicle_attitude_groundtruth": [(t, *q) for t in T]})["mocap"]
     np.testing.assert_allclose(mocap["px", "py", "pz", "vx", "vy", "vz"], [[2.0, 1.0, 3.0, 0.2, 0.1, 0.3]] * 20)
     np.testing.assert_allclose(np.abs(mocap["qw"]), 1.0, atol=1e-6)
-    apart = flight_of(tmp_path, {**truth, "vehicle_attitude_groundtruth": [(t + 3000, *q) for t in T]})["mocap"]
-    assert "qw" not in apart.quantities
+    apart = flight_of(tmp_path, {**truth, "vehicle_attitude_groundtruth": [(t + 3000, *q) for t in T]})
+    assert "qw" not in apart["mocap"].quantities
+    assert any("qx, qy, qz of vehicle_attitude_groundtruth not read" in note for note in apart.provenance.notes)
+
+
+def test_four_zeros_are_no_attitude(tmp_path):
+    flight = flight_of(tmp_path, {"vehicle_visual_odometry": [(t, 0.01 * k, 2.0, -3.0, 0.0, 0.0, 0.0, 0.0)
+                                                              for k, t in enumerate(T)]})
+    assert flight["mocap"].quantities == ("px", "py", "pz")
 
 
 def test_increments_are_divided_by_their_interval(tmp_path):
