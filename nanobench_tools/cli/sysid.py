@@ -231,7 +231,7 @@ def trade(rows: Sequence[PredictionRow], exported: str, best: str | None) -> str
     weaker = f", and answers a roll command with {rolls[0] / rolls[1]:.2f} of what the vehicle does" if (
         len(rolls) == 2 and rolls[1]) else ""
     return (f"Exported is {exported}, a physical vehicle: off by {errors(SIMULATOR)} after half a second without a "
-            f"controller. {best} predicts best ({errors(best)}){weaker}.")
+            f"controller. {best} predicted the training flights best ({errors(best)}){weaker}.")
 
 
 def _show(options: Options, rows: Sequence[PredictionRow], chosen: Split) -> None:

@@ -86,12 +86,13 @@ def _show(options: Options, tuned: Tuned) -> None:
         table.add_row(spec.family, "-" if speed is None else f"{speed:g}", f"{np.median(b):.3f}", f"{np.median(a):.3f}",
                       f"{b.max():.3f}", f"{a.max():.3f}", str(sum(before.lost[k])), str(sum(after.lost[k])))
     options.detail(table)
-    rows = [(spec.family, f"{np.median(np.array(before.rmse_m[k], float)):.3f}",
+    rows = [(spec.family, f"{spec.params.get('speed_mps', float('nan')):g}",
+             f"{np.median(np.array(before.rmse_m[k], float)):.3f}",
              f"{np.median(np.array(after.rmse_m[k], float)):.3f}", str(sum(before.lost[k])), str(sum(after.lost[k])))
             for k, spec in enumerate(judged)]
     _close(options, controller, report, tuned.sentence, [Grid.plain(
         f"{controller} tuned: SIMULATED flights of {found.plants} plants and of families not searched on",
-        ("reference", "RMSE before m", "after m", "lost before", "after"), rows)])
+        ("reference", "m/s", "RMSE before m", "after m", "lost before", "after"), rows)])
 
 
 def _close(options: Options, controller: str, report: Report, result: str, screen: Sequence[Grid]) -> None:

@@ -130,13 +130,17 @@ class Split:
         return replace(self, train=train, test=test)
 
 
+FEWEST_TO_DIVIDE = 3
+"""Flights, each of another trajectory, of which a third can be tested on."""
+
+
 def split(flights: Sequence[Flight], audits: Mapping[str, Audit]) -> Split:
     """The published kind of split: train on the first flight of each trajectory of the TRAINED families, test on all
     others. ``audits``: by name of the flight. Copies and slices are left out.
 
     The first is the earliest distinct recording of its trajectory_id (without a sheet: of family and speed), whether or
-    not it flew. A piece cut to the flight is never first if there are whole recordings. Raises InputError if no test
-    flight remains.
+    not it flew. A piece cut to the flight is never first if there are whole recordings. Where every trajectory was
+    flown once, the latest third is tested on. Raises InputError if no test flight remains.
     """
     kept, repeats = distinct(flights)
     first: dict[str, Flight] = {}
@@ -149,10 +153,15 @@ def split(flights: Sequence[Flight], audits: Mapping[str, Audit]) -> Split:
     seen = {family_of(case.flight) for case in train}
     others, shared = apart([f for f in kept if f.name in chosen], [f for f in kept if f.name not in chosen])
     test = _cases(others, audits, seen)
+    told = f"train: earliest recording of each trajectory of {', '.join(TRAINED)}; test: the others"
+    if not test and not others and len(train) >= FEWEST_TO_DIVIDE:
+        latest = sorted(train, key=lambda case: case.flight.epoch_s)[-(len(train) // FEWEST_TO_DIVIDE):]
+        train = [case for case in train if case not in latest]
+        test = _cases([case.flight for case in latest], audits, {family_of(case.flight) for case in train})
+        told = "every trajectory was flown once; test: the latest third; train: the others"
     if not test:
         raise _nothing(flights, train, len(shared))
-    note = (f"train: earliest recording of each trajectory of {', '.join(TRAINED)}; test: the others; "
-            f"{len(repeats) + len(shared)} copies and slices left out")
+    note = f"{told}; {len(repeats) + len(shared)} copies and slices left out"
     return Split(train, test, note, shared)
 
 

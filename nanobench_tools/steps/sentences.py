@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from ..protocols.compare import ClockRanking
     from ..protocols.result_rows import EstimateRow
+    from ..protocols.task1 import PredictionRow
     from .result_bodies import ControlBody, SysidBody
 
 ESTIMATED = {"ate_rmse_m": ("ATE", "m"), "end_error_5s_m": ("error 5 s after the last pose", "m"),
@@ -86,11 +87,21 @@ def controlled(body: ControlBody) -> str:
 def predicted(body: SysidBody) -> str:
     """The best model of class state, and how far off it is after half a second."""
     best = body.models.best
-    row = next((row for row in body.rows if row.model == best and row.group == "all" and row.start == "centred"), None)
+    rows = [row for row in body.rows if row.group == "all" and row.start == "centred"]
+    row = next((row for row in rows if row.model == best), None)
     if row is None:
         return f"{len({row.model for row in body.rows})} models scored, none is chosen"
-    return (f"best of class state: {best}, off by {row.metrics['position_mae_m']['50']:.3g} m after half a second "
-            f"({_flights(row.n_flights)})")
+    alike = [other for other in rows if not other.trouble
+             and (other.clock, other.truth, other.information) == (row.clock, row.truth, row.information)]
+    least = min([row, *alike], key=_off_m)
+    but = "" if least is row else f"; least on these flights: {least.model}, {_off_m(least):.3g} m"
+    where = " on the training flights" if but else ""
+    return (f"best of class state{where}: {best}, off by {_off_m(row):.3g} m after half a second "
+            f"({_flights(row.n_flights)}){but}")
+
+
+def _off_m(row: PredictionRow) -> float:
+    return row.metrics["position_mae_m"]["50"]
 
 
 def _flights(n: int) -> str:

@@ -139,6 +139,18 @@ def test_the_earliest_of_each_trajectory_trains_whatever_its_name():
     assert "2 copies and slices left out" in found.note
 
 
+def test_of_three_flights_of_different_paths_the_latest_is_tested_on():
+    paths = ("circle", "figure_eight", "helix")
+    flights = [made_flight(f"f{k}", epoch_s=1e9 * (k + 1), seed=k, family=path, trajectory_id=path)
+               for k, path in enumerate(paths)]
+    found = split_of(flights[::-1])
+    assert sorted(c.flight.name for c in found.train) == ["f0", "f1"]
+    assert [c.flight.name for c in found.test] == ["f2"]
+    assert "every trajectory was flown once" in found.note
+    with pytest.raises(InputError, match="no flight is left to test on"):
+        split_of(flights[:2])
+
+
 def test_faulty_spans_are_left_out():
     first, second = made_flight("a"), made_flight("b", epoch_s=2e9, seed=1)
     found = split_of([first, second], b=[dead("imu", 10.0)])
