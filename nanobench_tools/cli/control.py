@@ -63,7 +63,7 @@ DEFAULT_PLANTS = ("real", "gate")
               metavar="M_S", help="Simulated: a steady level wind, for every plant from a direction of its own.")
 @click.option("--gains", "gain_files", multiple=True, type=PATH, metavar="FILE",
               help="Simulated: a file that tune wrote; its controller flies with these gains, too. May repeat.")
-@click.option("--learned", type=click.Choice(["all"]),
+@click.option("--learned", is_flag=False, flag_value="all", type=click.Choice(["all"]),
               help="Train policies cloned from the onboard PID; fly them and MPPI on learned dynamics and the plant.")
 @click.option("--dagger", type=click.IntRange(min=0, max=10), default=0, show_default=True, metavar="N",
               help="Learned: rounds in which the onboard PID corrects the policies on the plant.")

@@ -121,6 +121,10 @@ def dynamics_rows(options: Options, shown: Any, networks: Mapping[str, Any]) -> 
         slow = pilot == "mppi"
         flights = published[:MPPI_FLIGHTS] if slow else [*published,
                                                          *(d for d in shown.test if d.reference != reference)]
+        if not flights:
+            options.say(f"{pilot} does not fly on the learned dynamics: no test flight"
+                        + f" along {reference}" * slow)
+            continue
         scored = [(d, score(states, d)) for d, states in zip(flights, rolled(pilot, dict(networks), flights),
                                                              strict=True)]
         own = [(d, s) for d, s in scored if d.reference == reference]
