@@ -16,6 +16,7 @@ import numpy as np
 from ..errors import InputError
 from ..sources.column_map import DATES, FORCE_UNITS, allowed_units
 from ..sources.column_names import NUMBERED, guessed, is_wanted, known_names, recognised, topic_in, unit_of
+from ..sources.stand import is_a_stand
 from ..sources.tum_layout import NORM_TOLERANCE
 from ..units import GRAVITY_M_S2, factor
 from . import column_evidence as evidence
@@ -110,6 +111,9 @@ def _like_px4(table: Table) -> bool:
 
 def _time(draft: Draft, table: Table, place: str) -> np.ndarray:
     """Drafts the time, and gives (n,) s since the first row. Raises InputError if it is missing."""
+    if TIME not in draft.mapped and is_a_stand([*table.values]):
+        raise InputError(place, "the table of a thrust stand, which has no time and needs no map",
+                         "nanobench thrust reads it as it is")
     if TIME not in draft.mapped:
         seen = ", ".join(map(repr, table.values))
         also = f"; of text: {', '.join(map(repr, table.texts))}" if table.texts else ""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -100,11 +101,11 @@ class ThrustStand:
 
     def recognises(self, path: Path, head: bytes) -> bool:
         names = header_of(head)[0]
-        return _like_a_stand(names) and not _of_a_flight(names)
+        return is_a_stand(names) and not _of_a_flight(names)
 
     def why_not(self, head: bytes) -> str | None:
         names = header_of(head)[0]
-        if not _like_a_stand(names) or not (flown := _of_a_flight(names)):
+        if not is_a_stand(names) or not (flown := _of_a_flight(names)):
             return None
         return f"a thrust stand's rows are settled points without a time or a pose, and here is {listed(flown)}"
 
@@ -150,7 +151,8 @@ class ThrustStand:
                       Provenance(str(path), "", self.name, findings=tuple(faults), notes=notes))
 
 
-def _like_a_stand(names: list[str]) -> bool:
+def is_a_stand(names: Sequence[str]) -> bool:
+    """Whether columns are those of a stand: a command, and a thrust or a rotor speed."""
     known = [h for h in map(heading, names) if h]
     return any(h.stream == "motor" for h in known) and any(h.stream == "rpm" or "thrust" in h.quantities for h in known)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from nanobench_tools.errors import InputError
 from nanobench_tools.flight import STREAM_QUANTITIES
 from nanobench_tools.signals.column_draft import draft_columns
 from nanobench_tools.sources.axes import frame_of
@@ -42,6 +43,13 @@ def test_increments_alone_are_no_rates():
     found = known_names(names, recognised(names, "vehicle_imu"))
     assert {known.what for known, _ in found.values()} == {"increment of an angle, rad, over delta_angle_dt"}
     assert not ecosystem("px4").assign(names)
+
+
+def test_a_stand_needs_no_map(tmp_path):
+    path = tmp_path / "stand.csv"
+    path.write_text("pwm,vbat[V],rpm1,thrust[g]\n" + "30000,4.0,12000,20\n" * 50)
+    with pytest.raises(InputError, match="thrust stand, which has no time and needs no map; nanobench thrust"):
+        draft_columns(path)
 
 
 def test_a_set_point_of_px4_keeps_its_yaw(tmp_path):
