@@ -43,7 +43,7 @@ def motors(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
     --out gets motors.json, motors.html and simulator.toml.
     """
     if bool(train) != bool(test):
-        raise UsageError("--train and --test go together")
+        raise UsageError("--train and --test go together; recordings given as PATH are divided")
     if train:
         no_paths_beside(options, "--train")
     check_mass(mass_kg)

@@ -77,7 +77,7 @@ def sysid(options: Options, methods: tuple[str, ...], only: bool, train: tuple[P
 
         share_process()
     if bool(train) != bool(test):
-        raise UsageError("--train and --test go together")
+        raise UsageError("--train and --test go together; recordings given as PATH are divided")
     if train:
         no_paths_beside(options, "--train")
     if train and train_family:

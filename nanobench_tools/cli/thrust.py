@@ -44,7 +44,7 @@ def thrust(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
     from ..physics.vehicle import Vehicle
 
     if bool(train) != bool(test):
-        raise UsageError("--train and --test go together")
+        raise UsageError("--train and --test go together; recordings given as PATH are divided")
     if train:
         no_paths_beside(options, "--train")
     mass_kg = Vehicle().mass_kg if mass is None else mass
