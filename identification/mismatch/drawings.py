@@ -15,6 +15,7 @@ SHADES: tuple[Colour, ...] = ("orange", "blue")
 PARTS: tuple[Colour, ...] = ("blue", "green", "purple", "orange", "sky")
 FATES: dict[str, tuple[str, Colour]] = {
     "named": ("named", "blue"), "equivalent": ("cannot be told from it", "sky"), "withdrawn": ("withdrawn", "red"),
+    "leaning": ("not sure enough", "green"),
     "rejected": ("rejected", "orange"), "explained": ("nothing left beside the named", "purple"),
     "small": ("too little", "grey")}
 ALL_FLIGHTS = "all flights together"
@@ -59,7 +60,9 @@ def spans(found: Sequence[Mapping[str, Any]], recorded: str) -> Figure | None:
                          height=80 + 26 * len(found), wide=True)])
 
 
-def whole(parts: Sequence[Mapping[str, Any]], n: str) -> Figure:
+def whole(parts: Sequence[Mapping[str, Any]], n: str) -> Figure | None:
+    if not parts:
+        return None
     ends = 100.0 * np.cumsum([part["share"] for part in parts])
     starts = np.concatenate([[0.0], ends[:-1]])
     colours = [*(PARTS[i % len(PARTS)] for i in range(len(parts) - 2)), "grey", "sky"]
@@ -212,10 +215,9 @@ def scores(found: Mapping[str, Any], n: str) -> Figure | None:
         if mine:
             at, gain = (list(v) for v in zip(*mine, strict=True))
             marks.append(Mark(name, gain, at, "points", colour, size=11))
-    return Figure(f"What each hypothesis takes away by itself; {n}",
-                  "Squared standard deviations of the residual, beyond chance; left of the dotted line nothing is "
-                  "named. More explains more, but the most is a name only if nothing disqualifies it.",
-                  [Panel(Axis("takes away", "sd²", log=True), Axis(rows=[r["term"] for r in rows]), marks,
+    what, unit = found["axis"]
+    return Figure(f"{found['title']}; {n}", found["note"],
+                  [Panel(Axis(what, unit, log=True), Axis(rows=[r["term"] for r in rows]), marks,
                          height=80 + 24 * len(rows), wide=True, rules=[("x", found["least"])])])
 
 

@@ -61,7 +61,7 @@ def page_text(verdict: Verdict, recordings: Recordings, synthetic: bool) -> str:
     return environment(breakable=breakable, dash=DASH).get_template("mismatch.html").render(
         label="SYNTHETIC" if synthetic else "", version=__version__, library=library(), css=template("report.css"),
         scripts=[template(name) for name in FIGURE_SCRIPTS], sections=SECTIONS, outcome=OUTCOMES[body["outcome"]],
-        body=body, figures=figures, judged=verdict.moments is not None, torques=bool(drawn.get("rms", {}).get(
+        body=body, figures=figures, judged=verdict.left is not None, torques=bool(drawn.get("rms", {}).get(
             "samples", [0] * 6)[3]), named=bool(body["findings"]), held_out=held_out,
         n=n, recorded=recorded, left_out=[], failed=[], tables=tables(verdict, body, drawn, recordings),
         data=compressed({name: spec(figure) for name, figure in figures.items()}))
@@ -79,7 +79,7 @@ def tables(verdict: Verdict, body: Mapping[str, Any], drawn: Mapping[str, Any],
                  [*(body.get("not_named") or []), *(body.get("not_asked") or [])], "Not named"),
              "withdrawn": reasons(body.get("withdrawn") or [], "Withdrawn"), "parameters": parameters(body),
              "by_flight": own_values(body), "levels": levels(body), "improvement": improvement(body),
-             "power": power(body)}
+             "power": power(body), "discrepancy": discrepancy(body)}
     if "rms" in drawn:
         found["rms"] = rms(drawn["rms"], bool(body["findings"]))
     return {name: table for name, table in found.items() if table.rows}
@@ -110,7 +110,7 @@ def faults(verdict: Verdict, recordings: Recordings) -> Table:
     groups: dict[str, list[tuple[str, Fault]]] = {}
     for name, fault in recordings.faults:
         groups.setdefault(fault.kind, []).append((name, fault))
-    touching = recordings.touching if verdict.decision else ()
+    touching = recordings.touching if verdict.left is not None else ()
     rows = []
     for kind, entries in sorted(groups.items()):
         streams = sorted({f.stream or "all" for _, f in entries})
@@ -118,7 +118,7 @@ def faults(verdict: Verdict, recordings: Recordings) -> Table:
         size = f"{worst.size:.3g} {worst.unit}" if np.isfinite(worst.size) else DASH
         rows.append((kind, ", ".join(streams), str(len(entries)),
                      f"{len({n for n, _ in entries})} of {len(recordings.flights)}",
-                     str(sum(f.kind == kind for _, f in touching)) if verdict.decision else DASH, size,
+                     str(sum(f.kind == kind for _, f in touching)) if verdict.left is not None else DASH, size,
                      f"{name}: {worst.evidence}"))
     return Table("Faults of the data",
                  (("Fault", "", False), ("Streams", "", False), ("Times", "", True), ("Flights", "", True),
@@ -180,6 +180,24 @@ def levels(body: Mapping[str, Any]) -> Table:
     rows += [("standard deviation", *(f"{entry['sd']:.3g}" for entry in found.values()))] if found else []
     return Table("Levels of each flight", (("Flight", "", False),
                                            *((name, entry["unit"], True) for name, entry in found.items())), rows)
+
+
+GOES_WITH = {"tilt": "tilt of the markers, of each flight", "lift": "thrust, of each flight",
+             "lift_of_all": "thrust, of all flights", "trim": "moments at rest, of each flight",
+             "place": "force by place", "air": "force by air velocity", "thrust": "force by thrust",
+             "time": "force by time alone", "late": "force by thrust of the seconds before",
+             "turn_place": "roll and pitch moments by place", "turn_air": "roll and pitch moments by air velocity",
+             "turn_thrust": "roll and pitch moments by thrust", "turn_time": "roll and pitch moments by time alone",
+             "yaw_place": "yaw moment by place", "yaw_air": "yaw moment by air velocity",
+             "yaw_thrust": "yaw moment by thrust", "yaw_time": "yaw moment by time alone"}
+"""Of ``discrepancy_m_s2``: group -> words."""
+
+
+def discrepancy(body: Mapping[str, Any]) -> Table:
+    """What no effect explains, as an acceleration (moments by the arms of the rotors)."""
+    found = body.get("discrepancy_m_s2") or {}
+    rows = [(GOES_WITH.get(group, group), f"{size:.3f}") for group, size in sorted(found.items(), key=lambda e: -e[1])]
+    return Table("What no effect explains", (("Goes with", "", False), ("RMS", "m/s²", True)), rows)
 
 
 def improvement(body: Mapping[str, Any]) -> Table:

@@ -6,23 +6,18 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
 
 from nanobench_tools import so3
 
 from .binned import binned, block_numbers
-from .decide import Decision
-from .fitting import Slopes
-from .moments import MEMORY, Covariate, Moments, force_covariates, torque_covariates
-from .naming import LEAST_GAIN
-from .proof import HORIZONS, QUANTITIES, Proof
+from .left import Left, Predicted, Structure
+from .moments import MEMORY, Covariate, force_covariates, torque_covariates
+from .proof import HORIZONS, QUANTITIES
 from .recordings import Recordings
-from .standing import PLAIN
 from .track import ROW_S
 from .verdict import Verdict
-from .wrench import CHANNELS, Wrench
+from .wrench import CHANNELS
 
-Residual = tuple[np.ndarray, np.ndarray]
 MEAN_S = 0.25
 """Residuals over time are means of this long."""
 BINS = 10
@@ -37,62 +32,27 @@ UNITS = {"velocity": "m/s", "speed x": "m²/s²", "world": "1", "lateral": "m²/
          "height": "m", "position": "m", "battery": "V", "time": "s"}
 
 
-class Left:
-    """Residuals of the simulator as it was given and, where something was named, corrected; ``structure``: of both, the
-    excess (6, G) of each channel along ``groups`` of covariates."""
-
-    def __init__(self, verdict: Verdict) -> None:
-        moments, decision, proof = verdict.moments, verdict.decision, verdict.proof
-        if moments is None or decision is None or proof is None:
-            raise ValueError("a diagnosis that judged nothing has no residual")
-        self.moments, self.decision, self.proof = moments, decision, proof
-        self.wrench: Wrench = moments.wrench
-        self.named = bool(decision.findings)
-        self.before: Residual = self.wrench.residual(proof.models[0])
-        self.after: Residual = self._corrected(decision) if self.named else self.before
-        start = Slopes(moments).left(decision.space.model)
-        sides = [excess_by_group(moments, side) for side in (start, decision.fit.left if self.named else start)]
-        self.groups, self.structure = sides[0][1], (sides[0][0], sides[1][0])
-
-    def _corrected(self, decision: Decision) -> Residual:
-        """What the corrected simulator leaves; a term that differs between flights has each flight's own value."""
-        model = self.proof.models[1]
-        own = {name: row for name, row in decision.fit.own.items() if name in model.names}
-        force, torque = (part.copy() for part in self.wrench.residual(model))
-        for k, flight in enumerate(np.unique(self.wrench.flight) if own else ()):
-            shared = model.parameters
-            here = self.wrench.residual(model.with_parameters({n: shared[n] + float(row[k])
-                                                               for n, row in own.items()}))
-            for whole, part, at in ((force, here[0], self.wrench.force_at), (torque, here[1], self.wrench.torque_at)):
-                mine = self.wrench.flight[at] == flight
-                whole[mine] = part[mine]
-        return force, torque
-
-    def at(self, channel: int) -> np.ndarray:
-        """Rows a channel is compared at."""
-        return self.wrench.force_at if channel < 3 else self.wrench.torque_at
-
-    def of(self, channel: int) -> list[np.ndarray]:
-        """[before, after], or [before] where nothing was named; (n,) each."""
-        sides = [self.before, self.after] if self.named else [self.before]
-        return [side[channel // 3][:, channel % 3] for side in sides]
-
-
 def pictures(verdict: Verdict, recordings: Recordings) -> dict[str, Any]:
     """Everything the page's script needs, by picture; without a residual only the spans."""
     found: dict[str, Any] = {"spans": spans(recordings)}
-    if verdict.moments is None:
+    if verdict.left is None:
         return found
-    left = Left(verdict)
+    left = verdict.left()
     forces, whole_rms = by_flight(left), rms(left)
     asked = [name for name, n in zip(CHANNELS, whole_rms["samples"], strict=True) if n]
     names = {t.flight: t.name for t in left.wrench.tracks}
     return {**found, "flights": [names[n] for n in sorted(names)], "channels": asked, "named": left.named,
-            "whole": whole(verdict, left), "rms": whole_rms, "timeline": timeline(left), "share": share(left),
-            "first": int(np.argmax([b or 0.0 for b in forces["before"]])),
-            "worst": int(np.argmax(left.structure[0].sum(axis=1))), "by_flight": forces,
-            "covariates": covariates(left), "room": room(left), "scores": scores(left.decision),
-            "intervals": intervals(verdict.body), "errors": errors(left.proof)}
+            "whole": whole(verdict, left.structure) if left.structure else [], "rms": whole_rms,
+            "timeline": timeline(left), "share": share(left.structure) if left.structure else {"groups": []},
+            "first": int(np.argmax([b or 0.0 for b in forces["before"]])), "worst": _worst(whole_rms),
+            "by_flight": forces, "covariates": covariates(left), "room": room(left), "scores": left.scores,
+            "intervals": intervals(verdict.body), "errors": errors(left.predicted)}
+
+
+def _worst(found: Mapping[str, Any]) -> int:
+    """The channel whose residual stands furthest above that of a right simulator."""
+    return int(np.argmax([(b or 0.0) / max(f or 0.0, 1e-9) if n else 0.0
+                          for b, f, n in zip(found["before"], found["floor"], found["samples"], strict=True)]))
 
 
 def rounded(values: np.ndarray, digits: int = 4) -> list[Any]:
@@ -121,11 +81,10 @@ def _runs(time_s: np.ndarray, counts: np.ndarray) -> list[list[float]]:
             for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def whole(verdict: Verdict, left: Left) -> list[dict[str, Any]]:
+def whole(verdict: Verdict, structure: Structure) -> list[dict[str, Any]]:
     """Shares of all that the covariates predict: what each finding takes away, what stays, what chance would do."""
-    before, after = (float(side.sum()) for side in left.structure)
-    after = min(after, before)
-    chance = PLAIN * len(left.moments.owner)
+    before, after = float(structure.before.sum()), float(structure.after.sum())
+    after, chance = min(after, before), structure.chance
     shares = [(entry["term"], entry["residual_share"]) for entry in verdict.body["findings"]]
     total = sum(s for _, s in shares) or 1.0
     rest = "not explained" if verdict.body["unknown"] else "too small to be named"
@@ -133,18 +92,10 @@ def whole(verdict: Verdict, left: Left) -> list[dict[str, Any]]:
     return [{"name": name, "share": size / (before + chance)} for name, size in parts]
 
 
-def floor(moments: Moments) -> np.ndarray:
-    """(6,) RMS that a simulator would leave that is right: disturbances and noise that no covariate goes with."""
-    impulse = np.zeros(2000)
-    impulse[0] = 1.0
-    return np.array([c.sd * np.linalg.norm(lfilter([1.0], np.concatenate([[1.0], -c.memory.weights]), impulse))
-                     for c in moments.channels])
-
-
 def rms(left: Left) -> dict[str, Any]:
     """RMS of each channel before and after, and of what a right simulator leaves."""
     sides = np.array([[np.sqrt(np.sum(side**2) / max(len(side), 1)) for side in left.of(c)] for c in range(6)])
-    least = np.minimum(floor(left.moments), sides.min(axis=1))
+    least = np.minimum(left.floor, sides.min(axis=1))
     return {"before": rounded(sides[:, 0]), "after": rounded(sides[:, -1]), "floor": rounded(least),
             "samples": [len(left.at(c)) for c in range(6)]}
 
@@ -169,23 +120,13 @@ def timeline(left: Left) -> list[list[dict[str, Any]]]:
     return found
 
 
-def excess_by_group(moments: Moments, projection: np.ndarray) -> tuple[np.ndarray, list[str]]:
-    """(6, G) squared length, of each channel along each group of covariates, above what is plain; the groups."""
-    groups = list(dict.fromkeys(g for c in moments.channels for g in c.groups))
-    column = np.array([groups.index(g) for c in moments.channels for g in c.groups])
-    squares, many = np.zeros((6, len(groups))), np.zeros((6, len(groups)))
-    np.add.at(squares, (moments.owner, column), projection**2)
-    np.add.at(many, (moments.owner, column), 1.0)
-    return np.maximum(squares - PLAIN * many, 0.0), groups
-
-
-def share(left: Left) -> dict[str, Any]:
+def share(structure: Structure) -> dict[str, Any]:
     """Per cent of what the covariates predict before, chance included, by group of covariates and channel, and what is
     left of it after."""
-    before, after = left.structure
-    total = float(before.sum()) + PLAIN * len(left.moments.owner)
+    before, after = structure.before, structure.after
+    total = float(before.sum()) + structure.chance
     seen = np.maximum(before, after).max(axis=0) > 5e-4 * total
-    return {"groups": [g for g, s in zip(left.groups, seen, strict=True) if s],
+    return {"groups": [g for g, s in zip(structure.groups, seen, strict=True) if s],
             "before": rounded(100.0 * before.T[seen] / total), "after": rounded(100.0 * after.T[seen] / total)}
 
 
@@ -269,20 +210,6 @@ def room(left: Left) -> dict[str, Any]:
     return {"cell_m": size, "maps": maps}
 
 
-def scores(decision: Decision) -> dict[str, Any]:
-    """What each hypothesis takes away when it is tried first, and what became of it."""
-    named = {f.hypothesis.term for f in decision.findings}
-    alike = {t for f in decision.findings for t in f.equivalent}
-    withdrawn = {t for t, _ in decision.withdrawn}
-
-    def fate(term: str, gain: float) -> str:
-        return ("named" if term in named else "withdrawn" if term in withdrawn else "equivalent" if term in alike else
-                "rejected" if term in decision.rejected else "small" if gain < LEAST_GAIN else "explained")
-
-    ordered = sorted(decision.scores.items(), key=lambda entry: -entry[1])
-    return {"least": LEAST_GAIN, "rows": [{"term": t, "gain": round(g, 1), "fate": fate(t, g)} for t, g in ordered]}
-
-
 def intervals(body: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Each parameter as a share of the way from the simulator's value (0) to the flights' (1)."""
     found = []
@@ -296,7 +223,7 @@ def intervals(body: Mapping[str, Any]) -> list[dict[str, Any]]:
     return found
 
 
-def errors(proof: Proof) -> dict[str, Any]:
+def errors(proof: Predicted) -> dict[str, Any]:
     """Errors of prediction per flight: [horizon][quantity] lists."""
     return {"flights": list(proof.flights), "steps": list(HORIZONS), "quantities": list(QUANTITIES),
             "held_out": proof.held_out, "before": rounded(np.moveaxis(proof.before, 0, 2)),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,12 +19,15 @@ from .commanded import WHY, WHY_STILL
 from .decide import Decision, Finding
 from .fitting import PRIOR_SD, Slopes
 from .headline import good_for, headline
+from .left import Left
+from .left_by_rules import left_by_rules
 from .moments import Moments
 from .naming import LEAST_GAIN, PER_PARAMETER, started
 from .proof import HORIZONS, QUANTITIES, Proof
 from .recordings import Recordings
 from .space import scales
 from .tolerance import smallest
+from .wrench import Wrench
 
 NINE_OF_TEN = 1.28
 """Standard deviations above a limit at which nine of ten are above it."""
@@ -48,13 +52,13 @@ ODD_SHARE = number("mismatch.verdict.odd_share")
 @dataclass(frozen=True, repr=False)
 class Verdict(Result):
     """``body``: the content of verdict.json; ``corrected``: the simulator with the identified effects, None without
-    any; ``believed``: the model equivalent to a simulator that is only a callable."""
+    any; ``left``: makes what the page draws, None where nothing was judged; ``reasoned``: what a
+    refit goes on from; ``believed``: the model equivalent to a simulator that is only a callable."""
 
     body: dict[str, Any]
     corrected: Model | None
-    decision: Decision | None = None
-    proof: Proof | None = None
-    moments: Moments | None = None
+    left: Callable[[], Left] | None = None
+    reasoned: tuple[Moments, Decision, Proof] | None = None
     believed: Model | None = None
 
     def to_json(self) -> dict[str, Any]:
@@ -111,15 +115,21 @@ class Verdict(Result):
                 "withdrawn": [{"term": t, "why": w} for t, w in decision.withdrawn],
                 "not_named": [{"term": t, "why": w} for t, w in decision.rejected.items()],
                 "levels": levels(moments, decision, recordings),
-                "not_asked": [{"term": t, "why": moments.wrench.why_unasked} for t in moments.wrench.unasked] + [
-                    {"term": t.name, "why": t.not_asked} for t in vocabulary().values()
-                    if t.not_asked and t.name not in moments.wrench.unasked],
+                "not_asked": not_asked(moments.wrench),
                 "corrected_simulator": None, "elapsed_s": elapsed_s}
         body["paragraph"] = paragraph(body, recordings, proof)
         body["good_for"], body["good_for_corrected"] = good_for(body["improvement"]), (
             good_for(body["improvement"], "after") if named else None)
         body["headline"] = headline(body)
-        return cls(body, proof.models[1] if named else None, decision, proof, moments)
+        return cls(body, proof.models[1] if named else None, partial(left_by_rules, moments, decision, proof),
+                   (moments, decision, proof))
+
+
+def not_asked(wrench: Wrench) -> list[dict[str, str]]:
+    """Terms that these flights, or flights at all, say nothing of, and why."""
+    return [{"term": t, "why": wrench.why_unasked} for t in wrench.unasked] + [
+        {"term": t.name, "why": t.not_asked} for t in vocabulary().values()
+        if t.not_asked and t.name not in wrench.unasked]
 
 
 def _row(errors: np.ndarray, k: int) -> dict[str, float | None]:

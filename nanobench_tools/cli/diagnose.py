@@ -132,7 +132,7 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
         judged = against_model(options, recordings, model, simulator or "--simulated", engine)
     verdict = judged.verdict
     body = dict(verdict.to_json())
-    if refit and verdict.decision is not None:
+    if refit and verdict.reasoned is not None:
         verdict, body["refit"] = _refitted(options, verdict)
     if verdict.believed is not None and options.out is not None:
         write_simulator(verdict.believed, options.out / EQUIVALENT)
@@ -142,9 +142,9 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
         write_simulator(verdict.corrected, path)
         body["corrected_simulator"] = str(path)
         export_simulators(verdict.corrected, options.out / CODE, ("casadi", "c"))
-    if bound and verdict.moments is not None:
+    if bound and verdict.left is not None:
         believes = verdict.believed or judged.believed
-        assert believes is not None  # a callable without an equivalent has no moments
+        assert believes is not None  # a callable without an equivalent has nothing left to draw
         body["bound"] = flexible(options, verdict, judged.recordings, believes)
     _show(options, body, verdict)
     _write_page(options, verdict, judged.recordings)
@@ -166,9 +166,9 @@ def _refitted(options: Options, verdict: Verdict) -> tuple[Verdict, dict[str, An
     verdict.json."""
     from identification.mismatch.refit import refit
 
-    assert verdict.decision is not None and verdict.proof is not None and verdict.moments is not None  # noqa: PT018
+    assert verdict.reasoned is not None
     options.say("refit to predictions")
-    again = refit(verdict.moments, verdict.decision, verdict.proof, options.seed)
+    again = refit(*verdict.reasoned, options.seed)
     if isinstance(again, str):
         return verdict, {"taken": False, "sentence": f"No refit: {again}."}
     return (replace(verdict, corrected=again.model) if again.taken else verdict), again.to_json()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from ..wrench import Wrench
 from .arm_unit import arms
 from .background import Background, background_of, rms, turning_size
 from .effects import Effect, effects_of
-from .rows import Rows, rows_of
+from .rows import Products, Rows, Seen, rows_of
 from .set_evidence import MEANS, Evidence
 
 
@@ -30,39 +29,31 @@ class Case:
     effects: Sequence[Effect]
     background: Background
     rows: Rows
-    values: np.ndarray
+    beside_all: Seen
     evidence: Evidence
     flights: np.ndarray
-    grams: np.ndarray
+    grams: Products
     arm: np.ndarray
     _factors: dict[tuple[int, ...], np.ndarray] = field(default_factory=dict, repr=False)
 
-    def across(self, asked: np.ndarray) -> np.ndarray:
-        """(flights, C + k, k) inner products, flight by flight, of all that stands beside a set with whitened columns
-        ``asked`` (R, k), and of these among themselves."""
-        both = np.concatenate([self.values[:, :-1], asked], axis=1)
-        return np.stack([both[mine].T @ asked[mine] for mine in self.rows_by_flight])
+    def across(self, asked: Seen) -> Products:
+        """Inner products of all that stands beside a set, and of k columns ``asked``, with these."""
+        return self.rows.products(self.beside_all + asked, asked)
 
-    def beside(self, across: np.ndarray, chosen: tuple[int, ...], without: Sequence[int] = ()) -> np.ndarray:
+    def beside(self, across: Products, chosen: tuple[int, ...], without: Sequence[int] = ()) -> np.ndarray:
         """(k, k) inner products of the columns of ``across`` with all that stands beside a set integrated out;
         ``without`` some flights."""
         lifted = self.evidence.takes_lift(chosen)
         keep, key = ~np.isin(self.flights, list(without)), (lifted, *sorted(without))
         if key not in self._factors:
-            self._factors[key] = self.evidence.factor_beside(self.grams[keep].sum(0)[:-1, :-1], lifted)
-        mine = across[keep].sum(0)
-        many = self.values.shape[1] - 1
+            self._factors[key] = self.evidence.factor_beside(self.grams.of(keep)[:-1, :-1], lifted)
+        mine, many = across.of(keep), self.beside_all.many
         return self.evidence.beside(self._factors[key], mine[:many], mine[many:], lifted)
 
     def give_up(self, terms: set[str]) -> None:
         """As ``Evidence.give_up``."""
         self.evidence.give_up(terms)
         self._factors.clear()
-
-    @cached_property
-    def rows_by_flight(self) -> list[np.ndarray]:
-        """Rows of each flight."""
-        return [np.flatnonzero(self.rows.flight == f) for f in self.flights]
 
 
 def build(wrench: Wrench, space: Space, simulator: Model, seed: int = 0) -> Case:
@@ -82,14 +73,15 @@ def build(wrench: Wrench, space: Space, simulator: Model, seed: int = 0) -> Case
                             [MEANS.get(g, 1.0) for g in background.group.tolist()]])
     forces, torques = np.concatenate([force, background.force], 2), np.concatenate([torque, background.torque], 2)
     rows = rows_of(wrench, residual, forces, torques, prior)
-    values = np.concatenate([rows.of(forces, torques), rows.of(residual[0][..., None], residual[1][..., None])], axis=1)
-    numbers = np.unique(rows.flight)
-    grams = np.stack([values[rows.flight == f].T @ values[rows.flight == f] for f in numbers])
+    beside, left = rows.of(forces, torques), rows.of(residual[0][..., None], residual[1][..., None])
+    numbers = np.unique(wrench.flight[wrench.force_at])
+    grams = rows.products(beside + left, beside + left)
     work = np.stack([part[:, k].T @ part[:, k] / max(len(part), 1)
                      for part in (force, torque * arm[None, :, None]) for k in range(3)])
-    evidence = Evidence(effects, background, grams.sum(0), owner, unit, lower * unit, upper * unit,
-                        _believed(wrench, space, effects, unit, arm), work, _varying(wrench, torque), arm, len(numbers))
-    return Case(wrench, space, simulator, effects, background, rows, values, evidence, numbers, grams, arm)
+    evidence = Evidence(effects, background, grams.of(np.ones(len(numbers), bool)), owner, unit, lower * unit,
+                        upper * unit, _believed(wrench, space, effects, unit, arm), work, _varying(wrench, torque),
+                        arm, len(numbers))
+    return Case(wrench, space, simulator, effects, background, rows, beside, evidence, numbers, grams, arm)
 
 
 def _varying(wrench: Wrench, torque: np.ndarray) -> np.ndarray:

@@ -63,13 +63,14 @@ class Finding:
 @dataclass(frozen=True)
 class Decision:
     """findings; leaning {term: probability}; rejected {term: why}; found: sizes of what is named; corrected: the
-    simulator with them."""
+    simulator with them; alone {term: log odds of it alone over no effect}."""
 
     findings: tuple[Finding, ...]
     leaning: Mapping[str, float]
     rejected: Mapping[str, str]
     found: Refined
     corrected: Model | None
+    alone: Mapping[str, float]
 
 
 def decide(case: Case, judge: Callable[[Refined, Refined], float],
@@ -115,7 +116,9 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
     leaning = {t: p for t, p in by_term.items() if p >= LEANING and t not in named and t not in rejected}
     rejected |= {t: f"probability {p:.2g}, below {NAMED:g}" for t, p in by_term.items()
                  if t not in named and t not in rejected and t not in leaning}
-    return Decision(findings, leaning, rejected, found, _written(case, found) if findings else None)
+    alone = {case.effects[i].term: weighing.score((i,)) - weighing.score(())
+             for i in sorted(range(len(case.effects)), key=lambda i: weighing.score((i,)))}
+    return Decision(findings, leaning, rejected, found, _written(case, found) if findings else None, alone)
 
 
 def _size_of(case: Case, which: int, found: Refined) -> float:
@@ -213,7 +216,7 @@ def _finding(case: Case, which: int, found: Refined, kind: Mapping[str, float], 
 
 def _written(case: Case, found: Refined) -> Model:
     """The corrected simulator: its own terms and the named ones; another map where that is named."""
-    named = tuple(case.effects[i].term for i in found.chosen if not case.effects[i].map_share)
+    named = tuple(case.effects[i].term for i in found.chosen)
     return reduced(on_map(case, found.chosen, found.model), case.space.believed, named)
 
 

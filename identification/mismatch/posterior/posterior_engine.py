@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,10 +19,11 @@ from ..headline import good_for, headline
 from ..proof import HORIZONS, floor_of
 from ..recordings import Recordings
 from ..space import space_around
-from ..verdict import Verdict, data_faults
+from ..verdict import Verdict, data_faults, not_asked
 from ..wrench import Wrench
 from .build import Case, build
 from .decision import Decision, Finding, decide
+from .left_by_posterior import left_by_posterior
 from .left_out_flights import Improvement, Predictions, row_of
 
 MATTERS_M_S2 = number("posterior.posterior_engine.matters_m_s2")
@@ -51,7 +53,7 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
     improvement = predictions.improvement(decision.found)
     body = body_of(case, decision, improvement, recordings, floor_of(simulator, recordings.tracks, seed))
     body["elapsed_s"] = time.perf_counter() - start
-    return Verdict(body, decision.corrected)
+    return Verdict(body, decision.corrected, partial(left_by_posterior, case, decision, improvement))
 
 
 def weighed(recordings: Recordings, wrench: Wrench, simulator: Model, seed: int) -> tuple[Case, Predictions]:
@@ -95,7 +97,7 @@ def body_of(case: Case, decision: Decision, improvement: Improvement, recordings
                         "share_of_achievable": None,
                         "held_out": list(improvement.flights) if improvement.held_out else []},
         "withdrawn": [], "not_named": [{"term": t, "why": w} for t, w in decision.rejected.items()],
-        "levels": {}, "not_asked": [{"term": t, "why": case.wrench.why_unasked} for t in case.wrench.unasked],
+        "levels": {}, "not_asked": not_asked(case.wrench),
         "leaning": dict(decision.leaning), "discrepancy_m_s2": left, "corrected_simulator": None, "elapsed_s": 0.0,
         "engine": "posterior"}
     body["paragraph"] = _paragraph(body, recordings)

@@ -1,22 +1,27 @@
 """What the data say of columns: forces whitened row by row, moments through instruments.
 
 Rows of 10 ms sample a loop of 500 Hz, so a logged command is the true one plus what shook between the rows, and least
-squares shrinks every gain from command to moment. Moments are therefore projected, flight by flight, on instruments
-that the shaking does not move: set-points, measured states, and the model's moment some rows before (two-stage least
-squares: Wooldridge 2010, Econometric Analysis, ch. 5 and 8). Their covariance is that of a coloured residual (Newey and
-West 1987).
+squares shrinks every gain from command to moment. Worse, the controller answers disturbances: commands, rates, speed
+and place all go with them. Set-points do not. So moments are compared where they go with instruments that nothing in
+the loop moves (generalised method of moments: Hansen 1982; Ljung 1999, System Identification, ch. 13): the angular
+acceleration that the set-points ask for, and one constant a flight. All flights are asked together: a set of
+instruments for each would follow what shakes (weak instruments: Wooldridge 2010, Econometric Analysis, ch. 5). Without
+set-points the instruments are measured states and the model's moment some rows before, flight by flight. The covariance
+is that of a coloured residual (Newey and West 1987).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.signal import lfilter
 
 from nanobench_tools import so3
 from nanobench_tools.settings import count, number
 
 from ..memory import Memory, runs_of
+from ..track import ROW_S
 from ..wrench import FORCE_ROWS, TORQUE_ROWS, Wrench
 
 ORDER = count("posterior.rows.order")
@@ -26,11 +31,13 @@ FREEDOM = number("posterior.rows.freedom")
 LAGS: tuple[int, ...] = (2, 3, 4, 6)
 """Stretches before: the shortest ends one stretch before the rate that is differenced, whose noise the command
 holds."""
-ASKED: tuple[int, ...] = (0, 1, 2, 4)
+ASKED: tuple[int, ...] = (0, 2, 4, 8, 12, 16)
+INTEGRALS, KEEPS = 3, float(np.exp(-TORQUE_ROWS * ROW_S / 0.5))
+"""Leaky integrals of what is asked for, over half a second each."""
 KEPT = 1e-6
 """Of the largest direction of the instruments: smaller ones say nothing."""
-STIFF, FREE, MEDIAN_OF_CHI2 = 0.02, 0.1, 0.455
-"""Ridge, per unit of a column's square; least share of a row that a fit leaves free; of one degree of freedom."""
+FREE, MEDIAN_OF_CHI2 = 0.1, 0.455
+"""Least share of a row that a fit leaves free; of one degree of freedom."""
 MEMORY = 12
 """Stretches over which a moment's residual remembers."""
 ROUNDS = 3
@@ -51,30 +58,90 @@ class ForceAxis:
 
 @dataclass(frozen=True)
 class Turning:
-    """Instruments of one axis and flight: (K, n) of the rows ``at`` (n,), in standard deviations of the noise."""
+    """Instruments ``z`` (n, K) of one axis at rows ``at`` (n,) of G ``flights``, which are asked together; ``flight``
+    (n,): 0 .. G - 1. ``spread`` (G, K, K): covariance of the noise that the instruments let through in each."""
 
     axis: int
-    flight: int
+    flights: np.ndarray
+    flight: np.ndarray
     at: np.ndarray
-    ways: np.ndarray
+    z: np.ndarray
+    spread: np.ndarray
+    _ways: dict[bytes, np.ndarray] = field(default_factory=dict, repr=False)
+
+    def of(self, torque: np.ndarray) -> np.ndarray:
+        """(M, 3, C) -> (G, K, C): what the instruments see of columns."""
+        here = torque[self.at, self.axis]
+        return np.stack([self.z[mine].T @ here[mine] for mine in (self.flight == g for g in range(len(self.flights)))])
+
+    def asked(self, seen: np.ndarray, keep: np.ndarray) -> np.ndarray:
+        """(G, K, C) -> (K', C), in standard deviations of its noise, of the flights to keep (F,)."""
+        keep = keep[self.flights]
+        if keep.tobytes() not in self._ways:
+            size, ways = np.linalg.eigh(self.spread[keep].sum(0))
+            told = size > KEPT * max(float(size[-1]), 1e-12)
+            self._ways[keep.tobytes()] = ways[:, told].T / np.sqrt(size[told])[:, None]
+        found: np.ndarray = self._ways[keep.tobytes()] @ seen[keep].sum(0)
+        return found
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the data see of C columns: forces (R, C) in standard deviations, and what instruments see (G, K, C)."""
+
+    force: np.ndarray
+    turning: tuple[np.ndarray, ...]
+
+    def __add__(self, other: Seen) -> Seen:
+        """The columns of both."""
+        return Seen(np.concatenate([self.force, other.force], axis=-1),
+                    tuple(np.concatenate([a, b], axis=-1) for a, b in zip(self.turning, other.turning, strict=True)))
+
+    @property
+    def many(self) -> int:
+        """Columns."""
+        return int(self.force.shape[-1])
+
+
+@dataclass(frozen=True)
+class Products:
+    """Inner products of columns with others: of forces (F, C, C'); of moments both sides."""
+
+    rows: Rows
+    force: np.ndarray
+    sides: tuple[tuple[np.ndarray, np.ndarray], ...]
+
+    def of(self, keep: np.ndarray) -> np.ndarray:
+        """(C, C') over the flights to keep (F,)."""
+        found: np.ndarray = self.force[keep].sum(0)
+        for turning, (one, other) in zip(self.rows.turnings, self.sides, strict=True):
+            if keep[turning.flights].any():
+                found = found + turning.asked(one, keep).T @ turning.asked(other, keep)
+        return found
 
 
 @dataclass(frozen=True)
 class Rows:
-    """What is asked of columns, as a linear map. ``flight`` (R,) of each row; ``sd`` (3,) of a whitened force m/s^2;
-    ``excess`` (3,): how many times the variance of moments is larger than noise makes it, with every effect free."""
+    """What is asked of columns. ``flight`` (R,) of each row of force, 0 .. F - 1; ``sd`` (3,) of a whitened force
+    m/s^2; ``excess`` (3,): how many times the variance of moments is larger than noise makes it."""
 
     forces: tuple[ForceAxis, ...]
     turnings: tuple[Turning, ...]
     flight: np.ndarray
+    flights: int
     sd: np.ndarray
     excess: np.ndarray
 
-    def of(self, force: np.ndarray, torque: np.ndarray) -> np.ndarray:
-        """(N, 3, C) m/s^2 and (M, 3, C) rad/s^2 -> (R, C) in standard deviations."""
-        parts = [axis.of(force[:, k]) for k, axis in enumerate(self.forces)]
-        parts += [t.ways @ torque[t.at, t.axis] for t in self.turnings]
-        return np.concatenate(parts)
+    def of(self, force: np.ndarray, torque: np.ndarray) -> Seen:
+        """(N, 3, C) m/s^2 and (M, 3, C) rad/s^2."""
+        return Seen(np.concatenate([axis.of(force[:, k]) for k, axis in enumerate(self.forces)]),
+                    tuple(t.of(torque) for t in self.turnings))
+
+    def products(self, one: Seen, other: Seen) -> Products:
+        """Inner products, flight by flight."""
+        each = (self.flight == f for f in range(self.flights))
+        return Products(self, np.stack([one.force[mine].T @ other.force[mine] for mine in each]),
+                        tuple(zip(one.turning, other.turning, strict=True)))
 
 
 def rows_of(wrench: Wrench, residual: tuple[np.ndarray, np.ndarray], force: np.ndarray, torque: np.ndarray,
@@ -82,9 +149,9 @@ def rows_of(wrench: Wrench, residual: tuple[np.ndarray, np.ndarray], force: np.n
     """The map for a residual, from what columns (N, 3, C) and (M, 3, C) leave of it; ``prior`` (C,): standard deviation
     of each column's coefficient before any flight."""
     forces, flights, sd = _forces(wrench, residual[0], force, prior)
-    turnings, excess = _turnings(wrench, residual[1], torque) if len(wrench.torque_at) else ([], np.ones(3))
-    flights += [np.full(len(t.ways), t.flight) for t in turnings]
-    return Rows(tuple(forces), tuple(turnings), np.concatenate(flights), sd, excess)
+    turnings, excess = _turnings(wrench, residual[1], torque, prior) if len(wrench.torque_at) else ([], np.ones(3))
+    numbers, place = np.unique(np.concatenate(flights), return_inverse=True)
+    return Rows(tuple(forces), tuple(turnings), place, len(numbers), sd, excess)
 
 
 def _ridge(x: np.ndarray) -> np.ndarray:
@@ -136,12 +203,10 @@ def _forces(wrench: Wrench, residual: np.ndarray, columns: np.ndarray,
     return parts, flights, np.array(sds)
 
 
-def instruments(wrench: Wrench, axis: int, made: np.ndarray, runs: np.ndarray) -> np.ndarray:
-    """(M, K) of the moment about one axis; rows without enough before them are nan."""
+def instruments(wrench: Wrench, axis: int, made: np.ndarray, runs: np.ndarray) -> tuple[np.ndarray, bool]:
+    """(M, K) of the moment about one axis, rows without enough before them nan, but for the constants; and whether they
+    are set-points, which all flights may share."""
     at = wrench.torque_at
-    turned = so3.rotate_inverse(wrench.quaternion[at], wrench.of("velocity_m_s", at))
-    load = wrench.of("motor", at)
-    columns = [np.ones(len(at)), *turned.T, *(turned * np.abs(turned)).T, *wrench.of("position_m", at).T]
 
     def before(values: np.ndarray, lag: int) -> np.ndarray:
         found = np.full(len(values), np.nan)
@@ -149,69 +214,109 @@ def instruments(wrench: Wrench, axis: int, made: np.ndarray, runs: np.ndarray) -
         found[runs < lag] = np.nan
         return found
 
-    columns += [before(load.mean(axis=1), lag) for lag in (2, 6)]
-    rate = wrench.of("rate_rad_s", at)
-    columns += [before(rate[:, k], 2) for k in range(3)]
-    columns += [before(made[:, axis], lag) for lag in LAGS]
     asked = so3.rotate_inverse(wrench.quaternion[at], np.concatenate(
         [-wrench.of("asked_rad_s2", at)[:, 1:], wrench.of("asked_rad_s2", at)[:, :1], np.zeros((len(at), 1))], axis=1))
-    if np.ptp(asked[:, axis]) > 1e-6:
-        columns += [asked[:, axis] if not lag else before(asked[:, axis], lag) for lag in ASKED]
-    return np.stack(columns, axis=1)
+    if axis < 2 and np.ptp(asked[:, axis]) > 1e-6:
+        moved = [before(asked[:, axis], lag) for lag in ASKED]
+        slow = asked[:, axis]
+        for _ in range(INTEGRALS):  # towards tilt and speed, which drag at an arm goes with
+            slow = np.concatenate([lfilter([1.0 - KEEPS], [1.0, -KEEPS], part)
+                                   for part in np.split(slow, np.flatnonzero(np.diff(wrench.track[at])) + 1)])
+            moved.append(slow)
+        return np.stack(moved, axis=1), True
+    speed = so3.rotate_inverse(wrench.quaternion[at], wrench.of("velocity_m_s", at))
+    load = wrench.of("motor", at).mean(axis=1)
+    columns = [*speed.T, *(speed * np.abs(speed)).T, *wrench.of("position_m", at).T]
+    columns += [before(load, lag) for lag in (2, 6)]
+    columns += [before(values, 2) for values in wrench.of("rate_rad_s", at).T]
+    columns += [before(made[:, axis], lag) for lag in LAGS]
+    given = np.stack(columns, axis=1)
+    return given - np.nanmean(given, axis=0), False
 
 
-def _turnings(wrench: Wrench, residual: np.ndarray, columns: np.ndarray) -> tuple[list[Turning], np.ndarray]:
+def _turnings(wrench: Wrench, residual: np.ndarray, columns: np.ndarray,
+              prior: np.ndarray) -> tuple[list[Turning], np.ndarray]:
     at = wrench.torque_at
     runs = runs_of(at, TORQUE_ROWS, wrench.track)
     made = wrench.measured[1] - residual
     both = np.concatenate([columns, residual[..., None]], axis=2)
+    numbers = np.unique(wrench.flight[wrench.force_at])
     found, excess = list[Turning](), np.ones(3)
     for axis in range(3):
-        given = instruments(wrench, axis, made, runs)
+        given, together = instruments(wrench, axis, made, runs)
         fine = np.flatnonzero(np.isfinite(given).all(axis=1))
-        x, z, flight = both[fine, axis], given[fine], wrench.flight[at][fine]
-        if len(x) < 2 * z.shape[1]:
+        x, z, flight = both[fine, axis], given[fine], np.searchsorted(numbers, wrench.flight[at][fine])
+        flown = np.unique(flight)
+        if len(x) < 2 * (z.shape[1] + len(flown)):
             continue
-        z = (z - np.where(np.arange(z.shape[1]) > 0, z.mean(0), 0.0)) / np.where(z.std(0) > 1e-9, z.std(0), 1.0)
-        weight, left = np.ones(len(x)), x[:, -1] - x[:, :-1] @ _ridge(x)
-        numbers = np.unique(flight)
-        ways: list[np.ndarray] = []
-        for turn in range(ROUNDS):
-            ways = [_ways(z[flight == f], left[flight == f], weight[flight == f]) for f in numbers]
-            if turn == ROUNDS - 1:
-                break
-            whole = np.concatenate([way @ x[flight == f] for way, f in zip(ways, numbers, strict=True)])
-            left = x[:, -1] - x[:, :-1] @ _ridge(whole)
+        z = z / np.maximum(np.sqrt(np.mean(z**2, axis=0)), 1e-9)
+        groups = [_Group.of(part, flight, fine, z) for part in ([flown] if together else flown[:, None])]
+        weight, left = np.ones(len(x)), x[:, -1]
+        for _ in range(ROUNDS):
+            asked = [g.turning(axis, weight, left) for g in groups]
+            whole = np.concatenate([t.asked(t.of(both), np.ones(len(numbers), bool)) for t in asked])
+            left = x[:, -1] - x[:, :-1] @ _most_probable(whole, prior)
             spread = 1.4826 * float(np.median(np.abs(left))) or 1.0
             weight = (FREEDOM + 1.0) / (FREEDOM + (left / spread) ** 2)
-        whole = np.concatenate([way @ x[flight == f] for way, f in zip(ways, numbers, strict=True)])
-        excess[axis] = max(1.0, _left_over(whole))
-        found += [Turning(axis, int(f), fine[flight == f], way / np.sqrt(excess[axis]))
-                  for way, f in zip(ways, numbers, strict=True)]
+        excess[axis] = max(1.0, _left_over(whole, prior))
+        found += [replace(t, spread=t.spread * excess[axis], _ways={}) for t in asked]
     return found, excess
 
 
-def _left_over(x: np.ndarray) -> float:
+@dataclass(frozen=True)
+class _Group:
+    """Flights that are asked together: their numbers, which of the rows are theirs, and instruments with a constant for
+    each of them."""
+
+    flights: np.ndarray
+    mine: np.ndarray
+    flight: np.ndarray
+    at: np.ndarray
+    z: np.ndarray
+
+    @classmethod
+    def of(cls, flights: np.ndarray, flight: np.ndarray, at: np.ndarray, z: np.ndarray) -> _Group:
+        mine = np.flatnonzero(np.isin(flight, flights))
+        place = np.searchsorted(flights, flight[mine])
+        constants = (place[:, None] == np.arange(len(flights))).astype(float)
+        return cls(flights, mine, place, at[mine], np.concatenate([constants, z[mine]], axis=1))
+
+    def turning(self, axis: int, weight: np.ndarray, left: np.ndarray) -> Turning:
+        """Each row with its weight, of a noise that is taken to be ``left``."""
+        weighed = self.z * weight[self.mine, None]
+        return Turning(axis, self.flights, self.flight, self.at, weighed,
+                       _spread(weighed, left[self.mine], self.flight, len(self.flights)))
+
+
+def _most_probable(x: np.ndarray, prior: np.ndarray) -> np.ndarray:
+    """(C,) coefficients of the last column on the others, each with its prior, in noise of one."""
+    a = x[:, :-1] * prior
+    return np.asarray(prior * (a.T @ np.linalg.solve(a @ a.T + np.eye(len(a)), x[:, -1])))
+
+
+def _left_over(x: np.ndarray, prior: np.ndarray) -> float:
     """Variance of what all columns together leave of the last one, each row by its own leverage, against a median of
     chi squared: 1 where instruments and noise agree."""
-    size = np.maximum(np.sqrt((x[:, :-1] ** 2).sum(0)), 1e-12)
-    left, singular, _ = np.linalg.svd(x[:, :-1] / size, full_matrices=False)
-    shrunk = singular**2 / (singular**2 + STIFF)
-    off = x[:, -1] - left @ (shrunk * (left.T @ x[:, -1]))
-    free = np.maximum(1.0 - (left**2 * shrunk).sum(1), FREE)
-    return float(np.median(off**2 / free) / MEDIAN_OF_CHI2)
+    a = x[:, :-1] * prior
+    free = np.linalg.inv(a @ a.T + np.eye(len(a)))
+    return float(np.median((free @ x[:, -1]) ** 2 / np.maximum(np.diag(free), FREE**2)) / MEDIAN_OF_CHI2)
 
 
-def _ways(z: np.ndarray, left: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """(K, n): what one flight's instruments z (n, k) ask, in standard deviations of the noise ``left`` (n,)."""
-    weighed = z * weight[:, None]
+def _spread(weighed: np.ndarray, left: np.ndarray, flight: np.ndarray, flights: int) -> np.ndarray:
+    """(G, K, K) covariance of what the noise ``left`` (n,) makes instruments (n, K) see in each flight. No direction
+    has less than half of what white noise of this size makes, however its noise happened to cancel."""
+    found = np.zeros((flights, weighed.shape[1], weighed.shape[1]))
     score = weighed * left[:, None]
-    spread = score.T @ score
-    for lag in range(1, MEMORY + 1):
-        cross = score[lag:].T @ score[:-lag]
-        spread += (1.0 - lag / (MEMORY + 1.0)) * (cross + cross.T)
-    size, ways = np.linalg.eigh(spread)
-    keep = size > KEPT * max(float(size[-1]), 1e-12)
-    # a direction whose noise happened to cancel has at least half of what white noise of this size makes
-    least = 0.5 * float(np.mean(left**2)) * np.einsum("ki,kl,li->i", ways, weighed.T @ weighed, ways)
-    return np.asarray((ways[:, keep].T @ weighed.T) / np.sqrt(np.maximum(size, least)[keep])[:, None])
+    for f in range(flights):
+        mine = score[flight == f]
+        found[f] = mine.T @ mine
+        for lag in range(1, MEMORY + 1):
+            cross = mine[lag:].T @ mine[:-lag]
+            found[f] += (1.0 - lag / (MEMORY + 1.0)) * (cross + cross.T)
+    white = 0.5 * float(np.mean(left**2)) * np.stack([weighed[flight == f].T @ weighed[flight == f]
+                                                      for f in range(flights)])
+    size, ways = np.linalg.eigh(found.sum(0))
+    short = np.maximum(np.einsum("ki,kl,li->i", ways, white.sum(0), ways) - size, 0.0)
+    total = np.maximum(np.einsum("ki,kl,li->i", ways, white.sum(0), ways), 1e-12)
+    add = (ways * (short / total)) @ ways.T  # each flight by its share of white noise
+    return np.asarray(found + np.einsum("ab,fbc,cd->fad", add, white, add))

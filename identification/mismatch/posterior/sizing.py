@@ -12,6 +12,7 @@ from nanobench_tools.physics import Model
 from ..space import with_other_map
 from .background import LIFT_OF_ALL
 from .build import Case
+from .rows import Products, Seen
 from .set_evidence import TWINS
 
 STEPS, NEAR = 8, 0.1
@@ -34,19 +35,19 @@ class Refined:
     covariance: np.ndarray
     model: Model
     at: np.ndarray
-    across: np.ndarray
+    across: Products | None
     slab: np.ndarray
 
     def without(self, case: Case, flights: Sequence[int]) -> np.ndarray:
         """The step on the other flights."""
-        if not self.chosen:
+        if self.across is None:
             return self.step
         unit = case.evidence.unit[case.evidence.columns(self.chosen)]
         found, _ = _solved(case, self.chosen, self.across, self.slab, self.at * unit, flights)
         return _inside(case, self.chosen, found / unit)
 
 
-def _solved(case: Case, chosen: tuple[int, ...], across: np.ndarray, slab: np.ndarray, at: np.ndarray,
+def _solved(case: Case, chosen: tuple[int, ...], across: Products, slab: np.ndarray, at: np.ndarray,
             without: Sequence[int] = ()) -> tuple[np.ndarray, np.ndarray]:
     """(k,) most probable coefficients, where ``across`` is of slopes and of what is left at coefficients ``at``; (k, k)
     their covariance."""
@@ -60,17 +61,14 @@ def refine(case: Case, chosen: tuple[int, ...]) -> Refined:
     from linearly."""
     evidence = case.evidence
     if not chosen:
-        return Refined((), np.zeros(0), np.zeros((0, 0)), case.space.model, np.zeros(0),
-                       np.zeros((0, 0, 0)), np.zeros(0))
+        return Refined((), np.zeros(0), np.zeros((0, 0)), case.space.model, np.zeros(0), None, np.zeros(0))
     _, scaled, slab = evidence.weighed(chosen)
     slab = np.minimum(np.maximum(slab, WIDE * np.abs(scaled)), evidence.room[evidence.columns(chosen)])
     unit = evidence.unit[evidence.columns(chosen)]
     step = at = _inside(case, chosen, scaled / unit)
     for _ in range(STEPS):
         at = step
-        columns, left = _slopes(case, chosen, at)
-        asked = np.concatenate([columns / unit, left[:, None]], axis=1)
-        across = case.across(asked)
+        across = case.across(_slopes(case, chosen, at, unit))
         moved, covariance = _solved(case, chosen, across, slab, at * unit)
         step = _inside(case, chosen, moved / unit)
         if (np.abs(step - at) * unit < NEAR * np.sqrt(np.diag(covariance))).all():
@@ -105,8 +103,8 @@ def moved_by(case: Case, chosen: tuple[int, ...], step: np.ndarray) -> Model:
     return model.with_values(np.clip(values, model.lower, model.upper))
 
 
-def _slopes(case: Case, chosen: tuple[int, ...], step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(R, k) what directions do at a step, and (R,) what is left there."""
+def _slopes(case: Case, chosen: tuple[int, ...], step: np.ndarray, unit: np.ndarray) -> Seen:
+    """k + 1 columns: what directions do at a step, per m/s^2, and what is left there."""
     wrench = case.wrench
     here = wrench.model(moved_by(case, chosen, step))
     force, torque = (m - h for m, h in zip(wrench.measured, here, strict=True))
@@ -123,8 +121,8 @@ def _slopes(case: Case, chosen: tuple[int, ...], step: np.ndarray) -> tuple[np.n
                 pair = (there[0] - here[0]) / by, (there[1] - here[1]) / by
             columns.append(pair)
             at += 1
-    return (case.rows.of(np.stack([c[0] for c in columns], -1), np.stack([c[1] for c in columns], -1)),
-            case.rows.of(force[..., None], torque[..., None])[:, 0])
+    return case.rows.of(np.stack([*(c[0] / u for c, u in zip(columns, unit, strict=True)), force], -1),
+                        np.stack([*(c[1] / u for c, u in zip(columns, unit, strict=True)), torque], -1))
 
 
 def _small(lower: float, upper: float, at: float) -> float:

@@ -3,10 +3,21 @@
 from types import SimpleNamespace
 from typing import Any
 
+from ...settings import number
 from ..ops import Ops
 from ..systematic import NOTHING
 from ..term import Parameter, Situation, Stage, Term
 from ..vector import Components, cross, subtract, total
+from ..vehicle import Vehicle
+from .inertia import most
+
+SHARE = number("physics.rotor_gyro.share")
+
+
+def fitted(vehicle: Vehicle) -> list[tuple[float, float]]:
+    """Rotors against the vehicle, with the sign of real ones: at most so much of the inertia of all mass at the
+    motors."""
+    return [(-SHARE * most(vehicle)[2], 0.0)]
 
 
 def moment(torque: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> list[Any]:
@@ -20,7 +31,7 @@ TERM = Term(
     sentence="The angular momentum of the rotors resists turning their axis. spin is the sign of the yaw torque and "
              "rotors turn against it, so real rotors have J_r < 0 in this sign.",
     equation="tau <- tau - w x J_r sum_i(spin_i Omega_i) e3",
-    parameters=(Parameter("J_r", "kg m^2", -1e-2, 1e-2, -2e-8, systematic=NOTHING, grows="mll",
+    parameters=(Parameter("J_r", "kg m^2", -1e-2, 1e-2, -2e-8, systematic=NOTHING, grows="mll", fitted=fitted,
                           source="propeller and bell, 0.4 g at 7 mm radius of gyration; sign see sentence"),),
     acts={Stage.TORQUE: moment},
     confused_with={"motor_imbalance": "fast yaw: the moment needs a rate of the body"},

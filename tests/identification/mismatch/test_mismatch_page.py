@@ -18,10 +18,11 @@ from identification.mismatch.binned import BLOCK_S, binned, block_numbers
 from identification.mismatch.decide import decide
 from identification.mismatch.drawings import drawings
 from identification.mismatch.fitting import Slopes, fit, slopes
+from identification.mismatch.left_by_rules import floor, left_by_rules
 from identification.mismatch.moments import moments_of
 from identification.mismatch.naming import Hypothesis, Named
 from identification.mismatch.page import SECTIONS, page_text, write_page
-from identification.mismatch.pictures import Left, floor, pictures
+from identification.mismatch.pictures import pictures
 from identification.mismatch.proof import prove
 from identification.mismatch.recordings import Recordings
 from identification.mismatch.space import space_around
@@ -175,9 +176,9 @@ def test_the_figures_hold_what_was_found(drawn):
 def test_a_term_of_each_flight_is_taken_from_each_flight(verdict):
     """Against the corrected model with the value of that flight put in by hand."""
     own = {"drag_linear.d[0]": np.array([0.003, -0.002])}
-    decision = replace(verdict.decision, fit=replace(verdict.decision.fit, own=own))
-    left = Left(replace(verdict, decision=decision))
-    model = verdict.proof.models[1]
+    moments, decision, proof = verdict.reasoned
+    left = left_by_rules(moments, replace(decision, fit=replace(decision.fit, own=own)), proof)
+    model = proof.models[1]
     for flight in (0, 1):
         here = left.wrench.flight[left.wrench.force_at] == flight
         by_hand = model.with_parameters({"drag_linear.d[0]": model.parameters["drag_linear.d[0]"]
@@ -186,7 +187,7 @@ def test_a_term_of_each_flight_is_taken_from_each_flight(verdict):
 
 
 def test_the_floor_is_the_size_of_the_remembered_noise(verdict):
-    moments = verdict.moments
+    moments, _, _ = verdict.reasoned
     channel = moments.channels[0]
     memory = replace(channel.memory, weights=np.array([0.9]))
     coloured = replace(channel, memory=memory, sd=2.0)

@@ -10,11 +10,14 @@ import numpy as np
 import pytest
 from carried_tracks import MODEL, track_of
 
+from identification.mismatch.drawings import drawings
 from identification.mismatch.page import page_text
+from identification.mismatch.pictures import pictures
 from identification.mismatch.posterior.decision import decide
 from identification.mismatch.posterior.posterior_engine import diagnose, verdict_body, weighed
 from identification.mismatch.recordings import Recordings
-from identification.mismatch.wrench import Wrench
+from identification.mismatch.space import with_other_map
+from identification.mismatch.wrench import CHANNELS, Wrench
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Provenance
 
@@ -44,11 +47,12 @@ def too_heavy(flown):
 
 def test_a_wrong_mass_is_found_with_its_size_and_predicts_better(too_heavy):
     finding, = too_heavy.body["findings"]
-    assert (finding["term"], finding["equivalent"]) == ("thrust_scale", ["mass"])
-    low, high = finding["parameters"]["thrust_scale.s"]["ci95"]
-    assert low < 0.046 / 0.04 < high
+    assert {finding["term"], *finding["equivalent"]} == {"thrust_scale", "mass"}
+    low, high = finding["parameters"]["mass.m"]["ci95"] if finding["term"] == "mass" else [
+        0.046 / s for s in reversed(finding["parameters"]["thrust_scale.s"]["ci95"])]
+    assert low < 0.04 < high
+    assert high - low < 0.004
     assert too_heavy.corrected is not None
-    assert too_heavy.corrected.parameters["thrust_scale.s"] == pytest.approx(1.15, abs=0.03)
     soon = too_heavy.body["improvement"]["10"]
     assert soon["after"]["velocity_m_s"] < soon["before"]["velocity_m_s"]
     assert too_heavy.body["headline"].startswith("The simulator is wrong about thrust_scale")
@@ -57,7 +61,7 @@ def test_a_wrong_mass_is_found_with_its_size_and_predicts_better(too_heavy):
 def test_the_order_of_flights_changes_nothing(flown, too_heavy):
     tracks = [replace(t, flight=3 - t.flight) for t in flown.tracks[::-1]]
     body = verdict_body(recordings_of(tracks), MODEL.on(mass_kg=0.046))
-    one, other = (b["findings"][0]["parameters"]["thrust_scale.s"]["value"] for b in (too_heavy.body, body))
+    one, other = (next(iter(b["findings"][0]["parameters"].values()))["value"] for b in (too_heavy.body, body))
     assert one == pytest.approx(other, rel=1e-3)
 
 
@@ -80,6 +84,14 @@ def test_the_page_of_a_verdict_is_written(too_heavy, flown):
     assert "SYNTHETIC" in text
     assert "Nothing of these flights was judged" not in text
     assert "Every flight is predicted by a fit that has not seen it" in text
+    assert 'id="table-discrepancy"' in text
+    drawn = pictures(too_heavy, flown)
+    assert {"errors", "rms", "timeline", "room", "scores", "intervals"} <= set(drawings(drawn, [(1, ""), (10, ""),
+                                                                                               (50, "")], "", ""))
+    # 15 % of the weight is missing before, and nothing that noise does not make after
+    z = CHANNELS.index("force z")
+    assert drawn["rms"]["before"][z] == pytest.approx(9.81 * 0.006 / 0.046, rel=0.1)
+    assert drawn["rms"]["floor"][z] <= drawn["rms"]["after"][z] < 0.2 * drawn["rms"]["before"][z]
 
 
 @pytest.mark.parametrize(("again", "left"), [({"wind", "force_world", "frame_tilt"}, 2), (set(), 1)])
@@ -98,3 +110,17 @@ def pushed_and_heavy():
     tracks = [track_of(MODEL, 60 + k, k, seconds=12.0, push=lambda t, *state: np.array([0.8, 0.0, 0.0]))
               for k in range(3)]
     return weighed(recordings_of(tracks), Wrench(tracks), MODEL.on(mass_kg=0.046), 0)
+
+
+def test_a_battery_that_was_ignored_is_found_and_can_be_flown(flown):
+    """The corrected simulator has another thrust map than the simulator; the battery falls from 4.0 to 3.5 V."""
+    blind = with_other_map(MODEL, 3.75)
+    found = diagnose(flown, blind)
+    assert [f["term"] for f in found.body["findings"]] == ["thrust_voltage"]
+    assert "thrust_voltage" in found.corrected
+    assert "thrust_pwm" not in found.corrected
+    share = found.body["findings"][0]["parameters"]["thrust_voltage.share"]["value"]
+    assert share == pytest.approx(1.0, abs=0.1)
+    after = pictures(found, flown)["rms"]
+    z = CHANNELS.index("force z")
+    assert after["after"][z] < 0.5 * after["before"][z]

@@ -13,7 +13,7 @@ from identification.mismatch.posterior import set_evidence
 from identification.mismatch.posterior.arm_unit import arms
 from identification.mismatch.posterior.background import FIXED, Background, fourier
 from identification.mismatch.posterior.effects import Effect
-from identification.mismatch.posterior.rows import _ridge, _ways
+from identification.mismatch.posterior.rows import Seen, _Group, _ridge
 from identification.mismatch.posterior.set_evidence import Evidence
 from nanobench_tools.physics import Model, Vehicle
 
@@ -87,19 +87,42 @@ def test_a_true_effect_is_the_most_probable_and_sets_of_one_family_are_none():
     assert Evidence.allowed(twins, (0, 2))
 
 
-def test_instruments_find_the_gain_that_noisy_inputs_hide():
-    """A command that shakes between rows: least squares halves the gain, earlier commands do not."""
+def closed_loop(flights: int = 6, n: int = 700):
+    """A command that answers a slow disturbance and shakes between rows, and the moment it makes, three times it, with
+    the disturbance; beside them the set-point that the command follows, and the flight of each row."""
     rng = np.random.default_rng(1)
-    n = 4000
-    true = lfilter([1.0], [1.0, -0.9], rng.normal(size=n))
-    logged = true + 2.3 * rng.normal(size=n)
-    answer = 3.0 * true + 2.0 * rng.normal(size=n)
-    x = np.stack([logged, answer], axis=1)[6:]
-    plain = float(x[:, 0] @ x[:, 1] / (x[:, 0] @ x[:, 0]))
-    assert plain < 1.7
-    before = np.stack([logged[6 - k:n - k] for k in (2, 3, 4, 6)], axis=1)
-    way = _ways(before, x[:, 1] - 3.0 * x[:, 0], np.ones(len(x)))
-    assert float(_ridge(way @ x)[0]) == pytest.approx(3.0, abs=0.2)
-    # the projected rows are in standard deviations of the noise
-    noise = way @ (x[:, 1] - 3.0 * x[:, 0])
+    asked, disturbance = (lfilter([1.0], [1.0, -0.9], rng.normal(size=flights * n)) for _ in range(2))
+    command = asked - 0.3 * disturbance + 1.5 * rng.normal(size=flights * n)
+    held = asked - 0.3 * disturbance
+    return asked, command, 3.0 * held + disturbance + rng.normal(size=flights * n), np.repeat(np.arange(flights), n)
+
+
+def test_set_points_find_the_gain_that_feedback_and_noisy_inputs_hide():
+    asked, command, moment, flight = closed_loop()
+    assert command @ moment / (command @ command) < 2.2
+    group = _Group.of(np.arange(6), flight, np.arange(len(flight)), asked[:, None])
+    turning = group.turning(0, np.ones(len(flight)), moment - 3.0 * command)
+    columns = np.stack([command, moment], axis=1)[:, None]
+    every = np.ones(6, bool)
+    whole = turning.asked(turning.of(columns), every)
+    assert float(_ridge(whole)[0]) == pytest.approx(3.0, abs=0.2)
+    # rows are in standard deviations of the noise: seven of them, a constant for each flight and the set-point
+    noise = whole @ [-3.0, 1.0]
+    assert noise.shape == (7,)
     assert np.sqrt(np.mean(noise**2)) < 2.5
+    # flights left out are as if they had never flown
+    keep = np.array([True, False, True, True, False, True])
+    mine = keep[flight]
+    alone = _Group.of(np.arange(4), np.searchsorted(np.flatnonzero(keep), flight[mine]), np.arange(int(mine.sum())),
+                      asked[mine, None]).turning(0, np.ones(int(mine.sum())), (moment - 3.0 * command)[mine])
+    want = alone.asked(alone.of(columns[mine]), np.ones(4, bool))
+    found = turning.asked(turning.of(columns), keep)
+    assert found.T @ found == pytest.approx(want.T @ want, rel=0.05)
+
+
+def test_columns_of_both_stand_beside_each_other():
+    one, other = (Seen(np.full((3, k), float(k)), (np.full((2, 4, k), float(k)),)) for k in (1, 2))
+    both = one + other
+    assert both.many == 3
+    assert both.force[0].tolist() == [1.0, 2.0, 2.0]
+    assert both.turning[0][0, 0].tolist() == [1.0, 2.0, 2.0]
