@@ -62,8 +62,8 @@ CODE = "simulators_corrected"
 @click.option("--nothing-added", is_flag=True,
               help="With --normal: nothing was put onto the vehicle or hung from it since.")
 @click.option("--engine", type=click.Choice(ENGINES), default=ENGINES[0], show_default=True,
-              help="What decides: rules, with every picture of the page, or the probability of every set of up to "
-                   "three effects; docs/mismatch.md compares them.")
+              help="What decides: rules, or the probability of every set of up to three effects; docs/mismatch.md "
+                   "compares them.")
 @click.option("--bound", is_flag=True,
               help="Also train a network on what the simulator leaves (extra learned; a minute more): how much better "
                    "anything could predict these flights.")
@@ -105,8 +105,8 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
         return _against_normal(options, simulator, simulated, mass_kg, normal, same_day, nothing_added)
     if same_day or nothing_added:
         raise UsageError(f"diagnose: --{'same-day' if same_day else 'nothing-added'} goes with --normal DIR")
-    if (refit or bound) and engine == "posterior":
-        raise UsageError("diagnose: --refit and --bound need --engine rules")
+    if refit and engine == "posterior":
+        raise UsageError("diagnose: --refit needs --engine rules: the posterior weighs predictions anyway")
     if bound:
         from identification.learned.libraries import libraries
 
