@@ -11,7 +11,6 @@ import numpy as np
 
 from nanobench_tools.physics import Model
 
-
 YAW = 0.13
 """Arm of the moment about z, of the distance of the motors."""
 
