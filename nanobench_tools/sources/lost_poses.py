@@ -24,8 +24,8 @@ FEWEST_ROWS = 100
 
 
 def without_placeholders(flight: Flight) -> Flight:
-    """The flight with NaN where its motion capture holds placeholders, and a note that says so; without its attitude,
-    and with a finding, where no attitude was sent; itself without either."""
+    """The flight with NaN where its motion capture holds placeholders, and a note that says so; with a finding where no
+    attitude was sent, and without an attitude of zeros; itself without either."""
     flight = _without_unsent_attitude(flight)
     stream = flight.streams.get("mocap")
     if stream is None or not len(rows := np.flatnonzero(placeholders(stream))):
@@ -48,16 +48,19 @@ def _without_unsent_attitude(flight: Flight) -> Flight:
         return flight
     if np.count_nonzero(turn[0]) > 1 or turn[0, 1:3].any():
         return flight
-    kept = [k for k, q in enumerate(stream.quantities) if q not in ROTATION]
     columns = tuple(stream.columns[stream.index(q)] for q in ROTATION)
     value = ", ".join(f"{v:g}" for v in turn[0])
-    evidence = f"the attitude is {value} in every row while the position moves: none was sent; left out"
+    evidence = f"the attitude is {value} in every row while the position moves: none was sent"
     finding = Fault("missing_column", "mocap", columns, float(stream.time_s[0]), float(stream.time_s[-1]), 4.0,
-                    "columns", evidence)
-    left = replace(stream, values=stream.values[:, kept], columns=tuple(stream.columns[k] for k in kept),
-                   quantities=tuple(stream.quantities[k] for k in kept), unit=tuple(stream.unit[k] for k in kept))
-    return replace(flight.with_streams(mocap=left), provenance=replace(
-        flight.provenance, findings=(*flight.provenance.findings, finding)))
+                    "columns", evidence + ("; left out" if not turn[0].any() else "; its errors mean nothing"))
+    if finding in flight.provenance.findings:
+        return flight
+    if not turn[0].any():
+        kept = [k for k, q in enumerate(stream.quantities) if q not in ROTATION]
+        flight = flight.with_streams(mocap=replace(
+            stream, values=stream.values[:, kept], columns=tuple(stream.columns[k] for k in kept),
+            quantities=tuple(stream.quantities[k] for k in kept), unit=tuple(stream.unit[k] for k in kept)))
+    return replace(flight, provenance=replace(flight.provenance, findings=(*flight.provenance.findings, finding)))
 
 
 def placeholders(stream: Stream) -> np.ndarray:

@@ -162,7 +162,7 @@ def test_a_slow_flight_shows_down_by_the_ground(flown):
     p += 3e-4 * rng.standard_normal(p.shape)
     flight = flown["circle"].without_streams(*set(flown["circle"].streams) - {"mocap"})
     s = flight["mocap"]
-    for world, words in ((NED, "NED"), (Y_UP, "EUS")):  # the identity in every row is no attitude
+    for world, words in ((NED, "NED/FRD"), (Y_UP, "EUS/FUR")):
         poses = np.column_stack([p @ world.T, np.tile([0.0, 0.0, 0.0, 1.0], (len(t), 1))])
         bad = flight.with_streams(mocap=replace(s, time_s=t, values=poses, columns=POSITION + ROTATION,
                                                 quantities=POSITION + ROTATION, unit=("m",) * 3 + ("1",) * 4,
