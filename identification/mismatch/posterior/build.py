@@ -14,7 +14,7 @@ from ..space import MAPS, Space
 from ..wrench import Wrench
 from .arm_unit import arms
 from .background import Background, background_of, rms, turning_size
-from .effects import Effect, effects_of
+from .effects import Effect, effects_of, within_reach
 from .rows import Products, Rows, Seen, rows_of
 from .set_evidence import MEANS, Evidence
 
@@ -58,6 +58,7 @@ class Case:
 
 def build(wrench: Wrench, space: Space, simulator: Model, seed: int = 0) -> Case:
     """Everything that does not depend on which set is asked about."""
+    space = within_reach(wrench, space)
     arm = arms(simulator)
     effects = effects_of(wrench, space, simulator)
     background = background_of(wrench, space, effects, arm, seed)

@@ -194,8 +194,8 @@ def _sizes(case: Case, which: int, found: Refined) -> dict[str, Size]:
     if effect.map_share:
         return {f"{effect.term}.share": Size(0.0, float(part[0]), NINETY_FIVE * float(np.sqrt(covariance[0, 0])), "1")}
     units = dict(zip(found.model.names, found.model.units, strict=True))
-    believed = case.space.model.parameters
-    return {name: Size(believed[name], believed[name] + float(way @ part),
+    around, believed = case.space.model.parameters, case.simulator.parameters
+    return {name: Size(believed.get(name, around[name]), around[name] + float(way @ part),
                        NINETY_FIVE * float(np.sqrt(way @ covariance @ way)), units[name])
             for name, way in effect.moves.items()}
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -59,6 +59,15 @@ def _moved(model: Model, index: int, by: float) -> np.ndarray:
     values = model.values.copy()
     values[index] += by
     return values
+
+
+def within_reach(wrench: Wrench, space: Space) -> Space:
+    """The space with limits that no flight reaches put to where the highest input reaches, which changes nothing: from
+    far above, no slope leads to a limit that acts."""
+    model = space.model
+    changes = {name: reached for name in model.names if name.startswith("saturation.")
+               if (reached := float(_reached(wrench, model, model.index(name)).max())) < model.parameters[name]}
+    return replace(space, model=model.with_parameters(changes))
 
 
 def effects_of(wrench: Wrench, space: Space, simulator: Model) -> list[Effect]:
@@ -156,13 +165,18 @@ def _far(wrench: Wrench, model: Model, term: str, free: np.ndarray, here: Pair,
 
 def _limits(wrench: Wrench, model: Model, index: int) -> list[float]:
     """Values of a limit that is tried: some that flights reach, and one that they never reach where they do now."""
-    values, most = model.values.copy(), float(model.values[index])
-    values[index] = model.upper[index]
-    judged = np.concatenate([t.counts for t in wrench.tracks])
-    reached = (joined(wrench.tracks, "motor")[judged].ravel() if model.names[index].endswith("u_max")
-               else wrench.thrust(model, values)[1][:, judged].ravel())
+    most, reached = float(model.values[index]), _reached(wrench, model, index)
     sizes = [min(float(np.quantile(reached, q)), 0.99 * most) for q in QUANTILES]
     return list(dict.fromkeys(sizes)) + ([float(reached.max())] if most < float(reached.max()) else [])
+
+
+def _reached(wrench: Wrench, model: Model, index: int) -> np.ndarray:
+    """What a limit would be compared with, were it not there."""
+    values = model.values.copy()
+    values[index] = model.upper[index]
+    judged = np.concatenate([t.counts for t in wrench.tracks])
+    return np.asarray(joined(wrench.tracks, "motor")[judged].ravel() if model.names[index].endswith("u_max")
+                      else wrench.thrust(model, values)[1][:, judged].ravel())
 
 
 def _of_list(term: str, pairs: Sequence[Pair], names: Sequence[str], model: Model, free: np.ndarray) -> Effect:

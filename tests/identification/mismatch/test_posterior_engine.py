@@ -124,3 +124,12 @@ def test_a_battery_that_was_ignored_is_found_and_can_be_flown(flown):
     after = pictures(found, flown)["rms"]
     z = CHANNELS.index("force z")
     assert after["after"][z] < 0.5 * after["before"][z]
+
+
+def test_a_limit_of_thrust_is_found_from_a_simulator_without_one():
+    """Hover takes 0.098 N a motor; commands go some hundredths beyond."""
+    limited = MODEL.with_term("saturation", T_max_N=0.1)
+    tracks = [track_of(limited, 80 + k, k, seconds=12.0) for k in range(3)]
+    found = diagnose(recordings_of(tracks), MODEL)
+    assert [f["term"] for f in found.body["findings"]] == ["saturation"]
+    assert found.corrected.parameters["saturation.T_max_N"] == pytest.approx(0.1, rel=0.01)
