@@ -183,20 +183,25 @@ def levels(body: Mapping[str, Any]) -> Table:
 
 
 GOES_WITH = {"tilt": "tilt of the markers, of each flight", "lift": "thrust, of each flight",
-             "lift_of_all": "thrust, of all flights", "trim": "moments at rest, of each flight",
+             "trim": "roll and pitch moments at rest, of each flight", "yaw_trim": "yaw moment at rest, of each flight",
              "place": "force by place", "air": "force by air velocity", "thrust": "force by thrust",
              "time": "force by time alone", "late": "force by thrust of the seconds before",
              "turn_place": "roll and pitch moments by place", "turn_air": "roll and pitch moments by air velocity",
-             "turn_thrust": "roll and pitch moments by thrust", "turn_time": "roll and pitch moments by time alone",
+             "turn_thrust": "roll and pitch moments by thrust", "turn_late": "moments by thrust of the seconds before",
              "yaw_place": "yaw moment by place", "yaw_air": "yaw moment by air velocity",
-             "yaw_thrust": "yaw moment by thrust", "yaw_time": "yaw moment by time alone"}
+             "yaw_thrust": "yaw moment by thrust"}
 """Of ``discrepancy_m_s2``: group -> words."""
+
+
+SHOWN_M_S2 = 0.0005
+"""Less would be shown as 0."""
 
 
 def discrepancy(body: Mapping[str, Any]) -> Table:
     """What no effect explains, as an acceleration (moments by the arms of the rotors)."""
     found = body.get("discrepancy_m_s2") or {}
-    rows = [(GOES_WITH.get(group, group), f"{size:.3f}") for group, size in sorted(found.items(), key=lambda e: -e[1])]
+    rows = [(GOES_WITH.get(group, group), f"{size:.3f}") for group, size in sorted(found.items(), key=lambda e: -e[1])
+            if size >= SHOWN_M_S2]
     return Table("What no effect explains", (("Goes with", "", False), ("RMS", "m/s²", True)), rows)
 
 

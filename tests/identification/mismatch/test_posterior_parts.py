@@ -9,6 +9,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import multivariate_normal
 
+from identification.mismatch.page import GOES_WITH
 from identification.mismatch.posterior import set_evidence
 from identification.mismatch.posterior.arm_unit import arms
 from identification.mismatch.posterior.background import FIXED, Background, fourier
@@ -126,3 +127,7 @@ def test_columns_of_both_stand_beside_each_other():
     assert both.many == 3
     assert both.force[0].tolist() == [1.0, 2.0, 2.0]
     assert both.turning[0][0, 0].tolist() == [1.0, 2.0, 2.0]
+
+
+def test_every_group_of_the_discrepancy_has_words():
+    assert set(GOES_WITH) == set(set_evidence.MEANS)
