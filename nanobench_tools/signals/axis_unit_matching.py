@@ -36,6 +36,9 @@ ORDERS = tuple(permutations(range(3)))
 CLEAR = number("audit.axis_unit_matching.clear")
 CERTAIN_T = number("audit.axis_unit_matching.certain_t")
 FACTOR = number("audit.axis_unit_matching.factor")
+HORIZONTAL = (("x", "y", "z"), ("vx", "vy", "vz"), ("ax", "ay", "az"))
+"""Quantities in a world whose heading is anyone's choice: its origin and heading are no fault."""
+QUARTER_RAD = number("audit.axis_unit_matching.quarter_rad")
 KNOWN_FACTORS = {
     "deg for rad": 180.0 / np.pi,
     "rad for deg": np.pi / 180.0,
@@ -127,6 +130,10 @@ def match_of(pair: Pair, sums: LagSums) -> AxisUnitMatch | None:
         at = int(np.argmax(strength[order]))
         if np.all(k[at, axes, axes] > -CLEAR) or strength[order][at] < straight[as_is].sum() + CLEAR:
             at = as_is
+    if pair.quantities in HORIZONTAL and _turned_between(sums, at):  # a heading of its own is no other axis
+        order, swapped = ORDERS[0], False
+        return AxisUnitMatch(pair.stream, pair.quantities, order, (0, 0, 0), (0.0, 0.0, float(k[at, 2, 2])),
+                             (np.nan, np.nan, np.nan), swapped)
     found = k[at, axes, order]
     sign = tuple(int(np.sign(v)) if abs(v) > CLEAR and certain(sums, at, i, order[i]) else 0 for i,
                  v in enumerate(found))
@@ -134,6 +141,17 @@ def match_of(pair: Pair, sums: LagSums) -> AxisUnitMatch | None:
         ratio = np.where(np.abs(found) > CLEAR, s / r[at, list(order)], np.nan)
     return AxisUnitMatch(pair.stream, pair.quantities, order, sign, tuple(map(float, found)), tuple(map(float, ratio)),
                          swapped)
+
+
+def _turned_between(sums: LagSums, at: int) -> bool:
+    """Whether the horizontal axes are turned about the vertical, and by no quarter of a turn."""
+    c = sums.cross[:, at, :2, :2].sum(axis=0)
+    turned, mirrored = np.hypot(c[0, 0] + c[1, 1], c[0, 1] - c[1, 0]), np.hypot(c[0, 0] - c[1, 1], c[0, 1] + c[1, 0])
+    size = float(np.sqrt(sums.measured.sum(axis=0)[[0, 1], [0, 1]].sum()
+                         * sums.reference.sum(axis=0)[at][[0, 1], [0, 1]].sum()))
+    angle = np.arctan2(c[0, 1] - c[1, 0], c[0, 0] + c[1, 1])
+    quarter = abs(angle - np.pi / 2 * np.round(angle / (np.pi / 2)))
+    return bool(turned > CLEAR * size and turned > 2.0 * mirrored and quarter > QUARTER_RAD)
 
 
 def certain(sums: LagSums, at: int, i: int, j: int) -> bool:

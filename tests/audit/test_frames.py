@@ -143,6 +143,15 @@ def test_poses_in_another_frame(flown, name, world, body, words, others):
         assert about_frames(bad.with_streams(mocap=in_our_axes(bad["mocap"], frame_of(axes)))) == []
 
 
+@pytest.mark.parametrize(("angle_deg", "kinds"), [(0.0, []), (20.0, []), (70.0, []), (-65.0, []), (155.0, []),
+                                                  (90.0, ["frame"]), (-90.0, ["frame"]), (180.0, ["frame"])])
+def test_an_estimate_in_a_world_of_another_heading_has_no_other_axes(flown, angle_deg, kinds):
+    """Only quarter turns are axes; advice to swap axes would leave any other heading turned."""
+    turn = Rotation.from_euler("z", angle_deg, degrees=True).as_matrix()
+    flight = with_vectors(flown["star"], "estimator", {("x", "y", "z"): turn, ("vx", "vy", "vz"): turn})
+    assert [k for k, stream, *_ in about_frames(flight) if stream == "estimator"] == kinds
+
+
 def test_everything_in_north_east_down_is_one_event(flown):
     flight = with_imu(with_poses(flown["fast figure_eight"].without_streams("estimator", "setpoint", "attitude",
                                                                             "attitude_qw", "pid", "estimator_acc"),
