@@ -140,7 +140,8 @@ def _stacked(pairs: Sequence[Pair]) -> Pair:
 def _far(wrench: Wrench, model: Model, term: str, free: np.ndarray, here: Pair,
          believed: bool) -> list[Effect]:
     """One reading for every size at which the term is tried: the secant from the simulator's value there; where the
-    simulator has the term already, to none of it and to so much more. A list of time constants moves together."""
+    simulator has the term already, to none of it and to so much more. A list of time constants moves together, and so
+    does a factor with what it multiplies."""
     found = []
     asked = [int(i) for i in free if _place(model.names[i]) in STARTS or model.names[i].startswith("saturation.")]
     if term == "saturation":
@@ -148,7 +149,10 @@ def _far(wrench: Wrench, model: Model, term: str, free: np.ndarray, here: Pair,
     else:
         sizes = np.array([STARTS[_place(model.names[i])] for i in asked]).T
         more = [0.0 * sizes[0], *(model.values[asked] + sizes)]
-        groups = [(asked, size) for size in (more if believed else sizes)]
+        idle = [i for i, slot in enumerate(model.slots)  # nothing acts while its factor is 0
+                if slot.term.name == term and slot.parameter.in_product and model.values[i] == 0.0]
+        usual = [float(np.atleast_1d(model.slots[i].parameter.typical)[0]) for i in idle]
+        groups = [([*asked, *idle], np.array([*size, *usual])) for size in (more if believed else sizes)]
     for indices, to in groups:
         values = model.values.copy()
         values[indices] = np.clip(to, model.lower[indices], model.upper[indices])

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from carried_tracks import MODEL, wrench_of
 from scipy.signal import lfilter
 from scipy.stats import multivariate_normal
 
@@ -13,9 +14,10 @@ from identification.mismatch.page import GOES_WITH
 from identification.mismatch.posterior import set_evidence
 from identification.mismatch.posterior.arm_unit import arms
 from identification.mismatch.posterior.background import FIXED, Background, fourier
-from identification.mismatch.posterior.effects import Effect
+from identification.mismatch.posterior.effects import Effect, effects_of, within_reach
 from identification.mismatch.posterior.rows import Seen, _Group, _ridge
 from identification.mismatch.posterior.set_evidence import Evidence
+from identification.mismatch.space import space_around
 from nanobench_tools.physics import Model, Vehicle
 
 
@@ -131,3 +133,14 @@ def test_columns_of_both_stand_beside_each_other():
 
 def test_every_group_of_the_discrepancy_has_words():
     assert set(GOES_WITH) == set(set_evidence.MEANS)
+
+
+def test_every_effect_that_a_simulator_may_lack_is_asked():
+    """A factor of 0 hides what it multiplies, and a limit that nothing reaches has no slope."""
+    wrench = wrench_of(MODEL, flights=1, seconds=6.0)
+    space = within_reach(wrench, space_around(MODEL))
+    found = effects_of(wrench, space, MODEL)
+    assert {e.term for e in found} - {"thrust_pwm"} == set(space.terms) - {"thrust_rpm"}
+    for effect in found:
+        size = np.abs(effect.force).max() + (np.abs(effect.torque).max() if effect.torque.size else 0.0)
+        assert size > 0.0, effect.term
