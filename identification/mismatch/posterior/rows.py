@@ -32,6 +32,8 @@ LAGS: tuple[int, ...] = (2, 3, 4, 6)
 """Stretches before: the shortest ends one stretch before the rate that is differenced, whose noise the command
 holds."""
 ASKED: tuple[int, ...] = (0, 2, 4, 8, 12, 16)
+MOVES = 0.01
+"""Of the measured angular acceleration: set-points that ask for less are at rest, but for the rounding of their log."""
 INTEGRALS, KEEPS = 3, float(np.exp(-TORQUE_ROWS * ROW_S / 0.5))
 """Leaky integrals of what is asked for, over half a second each."""
 KEPT = 1e-6
@@ -204,7 +206,7 @@ def _forces(wrench: Wrench, residual: np.ndarray, columns: np.ndarray,
 
 
 def instruments(wrench: Wrench, axis: int, made: np.ndarray, runs: np.ndarray) -> tuple[np.ndarray, bool]:
-    """(M, K) of the moment about one axis, rows without enough before them nan, but for the constants; and whether they
+    """(M, K) of the moment about one axis, rows without enough before them nan, without the constants; and whether they
     are set-points, which all flights may share."""
     at = wrench.torque_at
 
@@ -216,7 +218,7 @@ def instruments(wrench: Wrench, axis: int, made: np.ndarray, runs: np.ndarray) -
 
     asked = so3.rotate_inverse(wrench.quaternion[at], np.concatenate(
         [-wrench.of("asked_rad_s2", at)[:, 1:], wrench.of("asked_rad_s2", at)[:, :1], np.zeros((len(at), 1))], axis=1))
-    if axis < 2 and np.ptp(asked[:, axis]) > 1e-6:
+    if axis < 2 and asked[:, axis].std() > MOVES * wrench.measured[1][:, axis].std():
         moved = [before(asked[:, axis], lag) for lag in ASKED]
         slow = asked[:, axis]
         for _ in range(INTEGRALS):  # towards tilt and speed, which drag at an arm goes with

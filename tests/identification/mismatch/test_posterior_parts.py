@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,14 +11,16 @@ from carried_tracks import MODEL, wrench_of
 from scipy.signal import lfilter
 from scipy.stats import multivariate_normal
 
+from identification.mismatch.memory import runs_of
 from identification.mismatch.page import GOES_WITH
 from identification.mismatch.posterior import set_evidence
 from identification.mismatch.posterior.arm_unit import arms
 from identification.mismatch.posterior.background import FIXED, Background, fourier
 from identification.mismatch.posterior.effects import Effect, effects_of, within_reach
-from identification.mismatch.posterior.rows import Seen, _Group, _ridge
+from identification.mismatch.posterior.rows import Seen, _Group, _ridge, instruments
 from identification.mismatch.posterior.set_evidence import Evidence
 from identification.mismatch.space import space_around
+from identification.mismatch.wrench import TORQUE_ROWS, Wrench
 from nanobench_tools.physics import Model, Vehicle
 
 
@@ -144,3 +147,13 @@ def test_every_effect_that_a_simulator_may_lack_is_asked():
     for effect in found:
         size = np.abs(effect.force).max() + (np.abs(effect.torque).max() if effect.torque.size else 0.0)
         assert size > 0.0, effect.term
+
+
+@pytest.mark.parametrize(("size", "together"), [(0.0, False), (1e-4, False), (1.0, True)])
+def test_set_points_are_instruments_where_they_move(size, together):
+    """Rounding of a set-point at rest asks for something too, and says nothing."""
+    tracks = wrench_of(MODEL, flights=1, seconds=6.0).tracks
+    wave = size * np.sin(6.0 * tracks[0].time_s)[:, None] * [1.0, 1.0]
+    wrench = Wrench([replace(t, asked_rad_s2=wave) for t in tracks])
+    made, runs = wrench.model(MODEL)[1], runs_of(wrench.torque_at, TORQUE_ROWS, wrench.track)
+    assert [instruments(wrench, axis, made, runs)[1] for axis in range(3)] == [together, together, False]
