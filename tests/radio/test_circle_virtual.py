@@ -51,7 +51,7 @@ def tutorial() -> dict[str, list[list[str]]]:
     section = FLYING.read_text().split("## Fly it and record it\n")[1].split("\n## ")[0]
     found: dict[str, list[list[str]]] = {}
     for line in section.split("With a real vehicle")[0].splitlines():
-        if line.startswith("    nanobench "):
+        if line.startswith("nanobench "):
             verb, *rest = shlex.split(line)[1:]
             found.setdefault(verb, []).append([verb, *rest])
     return found
