@@ -222,11 +222,17 @@ def recorded(flights: Sequence[Flight], with_battery: bool = True, vehicle: Vehi
 def diagnose_flights(flights: Sequence[Flight], simulator: Model, *, seed: int = 0,
                      progress: Callable[[str], None] | None = None) -> dict[str, Any]:
     """``diagnose`` from recordings as they were read: verdict.json without what belongs to the file around it."""
+    return verdict_of_flights(diagnose, flights, simulator, seed=seed, progress=progress)
+
+
+def verdict_of_flights(engine: Callable[..., Verdict], flights: Sequence[Flight], simulator: Model, *, seed: int,
+                       progress: Callable[[str], None] | None) -> dict[str, Any]:
+    """``diagnose_flights`` by an engine."""
     start = time.perf_counter()
     recordings = recorded(flights, "thrust_voltage" in simulator, simulator.vehicle)
-    body = diagnose(recordings, simulator, seed=seed, progress=progress).to_json()
+    body = engine(recordings, simulator, seed=seed, progress=progress).to_json()
     return {**body, "elapsed_s": time.perf_counter() - start}
 
 
 __all__ = ["Decision", "Proof", "Slopes", "diagnose", "diagnose_callable", "diagnose_flights", "fit", "free_of",
-           "judge", "open_case", "recorded"]
+           "judge", "open_case", "recorded", "verdict_of_flights"]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ..errors import UsageError
+from ..steps import diagnosing
 from ..steps.blind_proofs import blind_proof, proof_sentence
 from ..steps.options import cores
 from .quiet_options import given, speaks_python
@@ -55,19 +56,23 @@ class BlindProof:
 
 
 @speaks_python
-def prove(cases: int = 200, kind: Sequence[str] = (), engine: str = "both", seed: int = 0) -> BlindProof:
+def prove(cases: int = 200, kind: Sequence[str] = (), engine: str = "both", seed: int = 0,
+          diagnosed_by: str = "rules") -> BlindProof:
     """Diagnoses SYNTHETIC cases whose truth is sealed until the last verdict, and scores the verdicts.
 
     kind: null, single, twin, pair, fault, change, foreign (empty: all, in fixed shares); engine: who flies the cases,
-    ``practice``, ``rotorpy`` or ``both``. Raises UsageError for an unknown kind or engine.
+    ``practice``, ``rotorpy`` or ``both``; diagnosed_by: "rules" or "posterior". Raises UsageError for an unknown kind,
+    engine or method.
     Recordings instead of cases: ``nanobench prove --concealed``, ``--real``.
 
     >>> nb.prove(20, seed=3).table  # doctest: +SKIP
     """
     if engine not in ENGINES:
         raise UsageError(f"engine {engine!r} is none of {', '.join(ENGINES)}")
+    if diagnosed_by not in diagnosing.ENGINES:
+        raise UsageError(f"diagnosed_by={diagnosed_by!r}: give one of {', '.join(diagnosing.ENGINES)}")
     if cases < 1:
         raise UsageError(f"cases={cases}: at least one is needed")
     options = given(jobs=cores(), seed=seed)
-    found = blind_proof(options, cases, [kind] if isinstance(kind, str) else kind, engine)
+    found = blind_proof(options, cases, [kind] if isinstance(kind, str) else kind, engine, diagnosed_by)
     return BlindProof(found, tuple(options.failed))

@@ -11,6 +11,7 @@ import click
 from ..errors import InputError, UsageError
 from ..results.result import to_json
 from ..steps.blind_proofs import blind_proof, check_installed, proof_sentence
+from ..steps.diagnosing import ENGINES, engine_of_flights
 from ..steps.options import Options, one_line
 from ..steps.show import data_word
 from ..tables.result_table import Table as Grid
@@ -45,6 +46,8 @@ FLYING = ("practice", "rotorpy", "both")
               help="Who flies: practice (the engine of this project), rotorpy, or both in turn (default). "
                    "What RotorPy cannot fly, and all without it, the first one flies; every case says who it was. With "
                    "--corrupted: what diagnoses, rules (default), posterior or module:function.")
+@click.option("--diagnosed-by", type=click.Choice(ENGINES), default=None,
+              help="What diagnoses made-up cases and those of --concealed and --corrupted. Default: rules.")
 @click.option("--concealed", is_flag=False, flag_value=DEFAULT_PLACES, metavar="[DIR]",
               help="Real recordings instead (default: where other verbs look): a simulator fitted to some flights, "
                    "one piece of knowledge taken away, diagnosed on others. Logs with rotor speed: with the speed, "
@@ -70,9 +73,9 @@ FLYING = ("practice", "rotorpy", "both")
                                                              "motors sit, and its mass.")
 @click.option("--same-day", is_flag=True, help="With --real: all folders are of the day of the normal flights.")
 @click.option("--nothing-added", is_flag=True, help="With --real: nothing was put onto the vehicle in any folder.")
-def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: str | None, concealed: str | None,
-          corrupted: str | None, vehicles: tuple[str, ...], left_out: tuple[str, ...], groups: int | None,
-          mass_kg: float | None, real: Path | None, labels: Path | None, normal: str | None,
+def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: str | None, diagnosed_by: str | None,
+          concealed: str | None, corrupted: str | None, vehicles: tuple[str, ...], left_out: tuple[str, ...],
+          groups: int | None, mass_kg: float | None, real: Path | None, labels: Path | None, normal: str | None,
           simulator: Path | None, same_day: bool, nothing_added: bool) -> int:
     """Blind proof of "nanobench diagnose": is what it names there, and does it say so when it does not know?
 
@@ -92,9 +95,11 @@ def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: s
     if corrupted is not None:
         if concealed is not None or real is not None or kinds:
             raise UsageError("--corrupted goes with none of --concealed, --real and --kind")
+        if engine is not None and diagnosed_by is not None:
+            raise UsageError("--corrupted: give --diagnosed-by or --engine")
         check_installed()
         return options.finish("corrupted", to_json(wrong_simulators(
-            options, corrupted, cases, engine or "rules", vehicles, left_out, groups)))
+            options, corrupted, cases, engine or diagnosed_by or ENGINES[0], vehicles, left_out, groups)))
     if vehicles or left_out or groups is not None:
         raise UsageError("--vehicle, --leave-vehicle-out and --groups belong to --corrupted")
     if engine not in (None, *FLYING):
@@ -104,6 +109,8 @@ def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: s
         if concealed is not None or kinds or labels is None:
             raise UsageError("--real needs --labels FILE" if labels is None else
                              "--real goes with neither --concealed nor --kind")
+        if diagnosed_by is not None:
+            raise UsageError("--diagnosed-by does not go with --real: the steady trim has one method")
         return options.finish("prove", to_json(_real(options, real, labels, normal, simulator, mass_kg,
                                                        same_day, nothing_added)))
     if labels is not None or normal is not None or simulator is not None:
@@ -112,14 +119,16 @@ def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: s
         raise UsageError(f"--{'same-day' if same_day else 'nothing-added'} belongs to --real DIR")
     check_installed()
     if concealed is None:
-        return options.finish("prove", {**to_json(_blind(options, cases or CASES, kinds, engine)), "synthetic": True})
+        return options.finish("prove", {**to_json(_blind(
+            options, cases or CASES, kinds, engine, diagnosed_by or ENGINES[0])), "synthetic": True})
     if kinds:
         raise UsageError("--kind and --concealed do not go together")
-    return options.finish("prove", to_json(_concealed(options, cases or REAL_CASES, concealed, mass_kg or MASS_KG)))
+    return options.finish("prove", to_json(_concealed(options, cases or REAL_CASES, concealed, mass_kg or MASS_KG,
+                                                    diagnosed_by or ENGINES[0])))
 
 
-def _blind(options: Options, n: int, kinds: Sequence[str], engine: str) -> Proof:
-    found = blind_proof(options, n, kinds, engine)
+def _blind(options: Options, n: int, kinds: Sequence[str], engine: str, diagnosed_by: str) -> Proof:
+    found = blind_proof(options, n, kinds, engine, diagnosed_by)
     show_proof(options, found, "SYNTHETIC")
     _close(options, found.summary.right, found.summary.cases, found.summary.false_names, [Grid.plain(
         f"Blind proof, SYNTHETIC data, {found.summary.cases} cases [exact 95 %]",
@@ -128,8 +137,7 @@ def _blind(options: Options, n: int, kinds: Sequence[str], engine: str) -> Proof
     return found
 
 
-def _concealed(options: Options, n: int, place: str, mass_kg: float) -> RealProof:
-    from identification.mismatch.diagnosis import diagnose_flights
+def _concealed(options: Options, n: int, place: str, mass_kg: float, diagnosed_by: str) -> RealProof:
     from identification.prove.concealed import RealCase, RealProof, dead_logs, diagnose_real, fit_simulators, real_cases
     from identification.prove.hidden_speed import SPEED, speed_cases, with_speed
     from identification.prove.summary import power_by_term, summarise
@@ -150,7 +158,7 @@ def _concealed(options: Options, n: int, place: str, mass_kg: float) -> RealProo
         chosen += real_cases(split, simulators, n, options.seed, len(chosen))
         chosen += dead_logs(split, audits, simulators, len(chosen))
         train += [case.flight.name for case in split.train]
-    scored = diagnose_real(chosen, options.run, diagnose_flights, options.seed)
+    scored = diagnose_real(chosen, options.run, engine_of_flights(diagnosed_by), options.seed)
     found = RealProof(tuple(scored), summarise(scored), power_by_term(scored), tuple(train))
     show_real(options, found)
     _close(options, found.summary.right, found.summary.cases, found.summary.false_names, [Grid.plain(

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ..errors import InputError, MissingExtraError
+from .diagnosing import ENGINES, engine_of_flights
 from .options import Options
 
 if TYPE_CHECKING:
@@ -19,16 +20,15 @@ def check_installed() -> None:
         raise MissingExtraError("casadi", "identification")
 
 
-def blind_proof(options: Options, n: int, kinds: Sequence[str], engine: str) -> Proof:
+def blind_proof(options: Options, n: int, kinds: Sequence[str], engine: str, diagnosed_by: str = ENGINES[0]) -> Proof:
     """Flies n SYNTHETIC cases, seals their truths, diagnoses them, and opens the truths afterwards.
 
-    kinds: empty for all in fixed shares; engine: ``practice``, ``rotorpy`` or ``both``. Raises InputError where no case
-    could be made.
+    kinds: empty for all in fixed shares; engine: ``practice``, ``rotorpy`` or ``both``; diagnosed_by: one of
+    ``diagnosing.ENGINES``. Raises InputError where no case could be made.
     """
     check_installed()
     if engine == "rotorpy" and importlib.util.find_spec("rotorpy") is None:
         raise MissingExtraError("rotorpy", "rotorpy")
-    from identification.mismatch.diagnosis import diagnose_flights
     from identification.prove.blind_proof import diagnose_cases, open_and_score, plan, proof_of, seal_cases
 
     specs = plan(n, options.seed, kinds, engine)
@@ -38,7 +38,7 @@ def blind_proof(options: Options, n: int, kinds: Sequence[str], engine: str) -> 
     if not sealed.truths:
         raise InputError("prove", f"no case could be made: {options.failed[0]['error']}")
     options.say(f"{len(sealed.truths)} SYNTHETIC cases, truth sealed {sealed.at}: SHA-256 {sealed.sha256}")
-    verdicts = diagnose_cases(sealed, options.run, diagnose_flights, options.seed, options.out)
+    verdicts = diagnose_cases(sealed, options.run, engine_of_flights(diagnosed_by), options.seed, options.out)
     found = proof_of(sealed, open_and_score(sealed, verdicts, options.out))
     options.detail(f"The truths opened after the verdicts have the hash that was sealed: {sealed.sha256}")
     return found

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, MissingExtraError, UsageError
 from .options import Options
@@ -77,6 +77,14 @@ def engine_of(name: str) -> Callable[..., Verdict]:
     """What diagnoses, by name: one of ``ENGINES``."""
     from identification.mismatch.diagnosis import diagnose as by_rules
     from identification.mismatch.posterior.posterior_engine import diagnose as by_posterior
+
+    return by_posterior if name == "posterior" else by_rules
+
+
+def engine_of_flights(name: str) -> Callable[..., dict[str, Any]]:
+    """What diagnoses recordings as they were read, by name: one of ``ENGINES``; its verdict as of verdict.json."""
+    from identification.mismatch.diagnosis import diagnose_flights as by_rules
+    from identification.mismatch.posterior.posterior_engine import diagnose_flights as by_posterior
 
     return by_posterior if name == "posterior" else by_rules
 

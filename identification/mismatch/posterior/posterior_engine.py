@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 
+from nanobench_tools.flight import Flight
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.model import find_term
 from nanobench_tools.settings import number
 
-from ..diagnosis import open_case
+from ..diagnosis import open_case, verdict_of_flights
 from ..equivalent import Equivalent
 from ..headline import good_for, headline
 from ..proof import HORIZONS, floor_of
@@ -54,6 +55,12 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
     body = body_of(case, decision, improvement, recordings, floor_of(simulator, recordings.tracks, seed))
     body["elapsed_s"] = time.perf_counter() - start
     return Verdict(body, decision.corrected, partial(left_by_posterior, case, decision, improvement))
+
+
+def diagnose_flights(flights: Sequence[Flight], simulator: Model, *, seed: int = 0,
+                     progress: Callable[[str], None] | None = None) -> dict[str, Any]:
+    """As ``identification.mismatch.diagnosis.diagnose_flights``."""
+    return verdict_of_flights(diagnose, flights, simulator, seed=seed, progress=progress)
 
 
 def weighed(recordings: Recordings, wrench: Wrench, simulator: Model, seed: int) -> tuple[Case, Predictions]:
@@ -170,4 +177,4 @@ def _paragraph(body: dict[str, Any], recordings: Recordings) -> str:
     return " ".join(parts)
 
 
-__all__ = ["diagnose", "verdict_body", "weighed"]
+__all__ = ["diagnose", "diagnose_flights", "verdict_body", "weighed"]

@@ -10,6 +10,7 @@ import pytest
 
 import nanobench_tools as nb
 from identification.mismatch import diagnosis as mismatch
+from identification.mismatch.posterior import posterior_engine
 from identification.prove import blind_proof as proof
 from identification.prove.plan import plan_cases
 from identification.prove.seal import seal
@@ -27,6 +28,11 @@ def silent(flights, simulator, *, seed):
     ASKED.append(f"{flights[0]} {seed}")
     return {"outcome": "none", "findings": [], "unknown": None, "data_faults": [], "power": {}, "improvement": None,
             "elapsed_s": 1.0}
+
+
+def another(flights, simulator, *, seed):
+    ASKED.append("another")
+    return silent(flights, simulator, seed=seed)
 
 
 def failing(flights, simulator, *, seed):
@@ -115,6 +121,17 @@ def test_nb_prove_counts_what_a_diagnosis_that_never_names_is_worth(monkeypatch)
     assert found.table.loc["single", "right"] == 0
     assert (found.table["false_names"] == 0).all()
     assert found.sentence == repr(found) == f"{kinds['null']} of 6 cases right, false names in 0"
+
+
+def test_what_diagnoses_can_be_chosen(monkeypatch, capsys):
+    monkeypatch.setattr(proved, "cores", lambda: 1)
+    monkeypatch.setattr(posterior_engine, "diagnose_flights", another)
+    nb.prove(2, kind="null", engine="practice", seed=2, diagnosed_by="posterior")
+    assert ASKED.count("another") == 2
+    with pytest.raises(UsageError, match="give one of rules, posterior"):
+        nb.prove(2, diagnosed_by="a look")
+    assert main(["prove", "--corrupted", "--engine", "rules", "--diagnosed-by", "posterior"]) == 2
+    assert "give --diagnosed-by or --engine" in capsys.readouterr().err
 
 
 def test_kinds_and_engines():
