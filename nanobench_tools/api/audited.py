@@ -1,4 +1,4 @@
-"""``nb.audit``: what is wrong with a recording, and where it may be used."""
+"""``nb.audit``: finds what is wrong with a recording, and where it may be used."""
 
 from __future__ import annotations
 

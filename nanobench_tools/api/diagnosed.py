@@ -35,14 +35,14 @@ class Diagnosis:
 
     @property
     def sentence(self) -> str:
-        """What is wrong, how sure, and what it does to predictions of flights left out."""
+        """The omitted effects, their confidence, and their effect on predictions of flights left out."""
         from identification.mismatch.headline import headline
 
         return in_python(headline(self._body))
 
     @property
     def paragraph(self) -> str:
-        """The whole verdict in words: sizes, intervals, what else it could be, what would tell."""
+        """The whole verdict in words: sizes, intervals, alternatives, and the flights that would separate them."""
         return in_python(self._body["paragraph"])
 
     @property
@@ -107,14 +107,17 @@ Believed = Model | VehicleModel | Callable[..., Any] | str | os.PathLike[str] | 
 @speaks_python
 def diagnose(flights: Flight | Iterable[Flight], simulator: Believed, seed: int = 0,
              mass_kg: float = 0.04085, engine: str = "rules") -> Diagnosis:
-    """Compares a simulator with flights: what it leaves out, how large, how sure, and what mending it brings.
+    """Compares a simulator with flights: omitted effects, their size and confidence, and what correcting them gains.
 
-    simulator: a model that ``nb.fit`` gave, a ``Model``, the path of a simulator.toml, a callable
-    (``nanobench_tools.physics.adapters.given``) or the name of one (``module:callable``, ``rotorpy``), or flights that
-    the simulator made, as flights or as their folder. mass_kg: what a callable, or a simulator known by its flights,
-    was given; flights show only thrust over mass. engine: "rules", or "posterior", which weighs every set of up to
-    three effects. A wandering clock is re-timed and faults of the data are left out first. InputError for recordings of
-    a vehicle with another number of rotors.
+    - simulator: a model that ``nb.fit`` gave, a ``Model``, the path of a simulator.toml, a callable
+      (``nanobench_tools.physics.adapters.given``) or its name (``module:callable``, ``rotorpy``). Or flights that the
+      simulator made, as flights or as their folder.
+    - mass_kg: mass that a callable, or a simulator known by its flights, was given; flights show only thrust over
+      mass.
+    - engine: "rules", or "posterior", which weighs every set of up to three effects.
+
+    A wandering clock is re-timed and faults of the data are left out first. InputError for recordings of a vehicle
+    with another number of rotors.
 
     >>> import nanobench_tools as nb
     >>> flights = nb.simulate(2, seed=1, seconds=12.0)

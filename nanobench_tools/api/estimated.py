@@ -29,8 +29,8 @@ UNITS = ("m", "m", "m", "1", "1", "1", "1")
 @dataclass(frozen=True, repr=False)
 class Estimates:
     """Scores of estimators. rows: as in estimate.json; trajectories {method: {flight: DataFrame}}, with the motion
-    capture under ``truth``: index seconds of the flight, position in m in the world, quaternion x, y, z, w body to
-    world; ``estimates["flight"]``: {method: DataFrame} of one flight. failed: [{item, file, error}]."""
+    capture under ``truth``. Index: seconds of the flight. Columns: position in m in the world, quaternion x, y, z, w
+    body to world; ``estimates["flight"]``: {method: DataFrame} of one flight. failed: [{item, file, error}]."""
 
     rows: tuple[EstimateRow, ...]
     trajectories: Mapping[str, Mapping[str, pd.DataFrame]]
@@ -110,10 +110,13 @@ def estimate(flights: Flight | Iterable[Flight], method: Any = "drag_ekf", proto
              clock: str = "as-recorded", seed: int = 0) -> Estimates:
     """Runs estimators on flights and scores them against motion capture.
 
-    method: a name (``nanobench estimate --list``), an object or class behind the ``Estimator`` protocol, or several in
-    a list. protocol: ``aided`` (ten noisy poses a second), ``blackout`` (none after t0), ``whole-flight`` (none after
-    take-off), ``clean`` (the logged estimate), ``as-published``. clock: ``as-recorded``, ``offset``, ``retimed``.
-    Raises UsageError for a name nobody knows, InputError where no flight can be scored.
+    - method: a name (``nanobench estimate --list``), an object or class behind the ``Estimator`` protocol, or several
+      in a list.
+    - protocol: ``aided`` (ten noisy poses a second), ``blackout`` (none after t0), ``whole-flight`` (none after
+      take-off), ``clean`` (the logged estimate), ``as-published``.
+    - clock: ``as-recorded``, ``offset``, ``retimed``.
+
+    Raises UsageError for an unknown name, InputError where no flight can be scored.
 
     >>> import nanobench_tools as nb
     >>> found = nb.estimate(nb.simulate(2, seed=1, seconds=12.0), "drag_ekf")
@@ -138,8 +141,8 @@ def compare(flights: Flight | Iterable[Flight], methods: Sequence[Any], protocol
             clock: str = "as-recorded", seed: int = 0) -> pd.DataFrame:
     """Estimators against each other on the same flights: a row per method and metric over all flights.
 
-    ``ratio`` is the mean error over that of ``compared_with`` on the same flights, with the interval of the pairs:
-    a method is better where ``ratio_high`` is below one. Arguments as ``estimate``.
+    ``ratio`` is the mean error over that of ``compared_with`` on the same flights, with the interval of the pairs. A
+    method is better where ``ratio_high`` is below one. Arguments as ``estimate``.
 
     >>> import nanobench_tools as nb
     >>> flights = nb.simulate(2, seed=1, seconds=12.0)

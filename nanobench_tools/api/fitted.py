@@ -84,8 +84,11 @@ class VehicleModel:
 
     @property
     def parameters_(self) -> pd.DataFrame:
-        """Index name; value, ci95_low, ci95_high (nan without an interval), unit, prior_share (1: the flights cannot
-        identify it and its prior is kept; nan: no prior was weighed), and why there is no interval."""
+        """Index name; value, ci95_low, ci95_high (nan without an interval), unit, prior_share, and why there is no
+        interval.
+
+        prior_share is 1 where the flights cannot identify the parameter and its prior is kept, and nan without a
+        prior."""
         import pandas as pd
 
         rows = [(p.value, *(p.ci95 or (np.nan, np.nan)), p.unit, np.nan if p.prior_share is None else p.prior_share,
@@ -100,8 +103,8 @@ class VehicleModel:
     def predict(self, what: Windows | Flight, by: str = "predictor") -> Prediction | FlightPrediction:
         """States 1..H steps after the start of every window; of a flight, from starts every 0.1 s of clean flight.
 
-        by: ``predictor``, what predicts best (``fit_balanced`` of ``nanobench sysid``, fitted to the same flights at
-        the first call), or ``vehicle``, the exported vehicle alone.
+        by: ``predictor``, the best predictor (``fit_balanced`` of ``nanobench sysid``), or ``vehicle``, the exported
+        vehicle alone. The predictor is fitted to the same flights at the first call.
         """
         if by not in ("predictor", "vehicle"):
             raise UsageError(f"by is {by!r}; it can be predictor or vehicle")
@@ -111,7 +114,7 @@ class VehicleModel:
         return _predicted(some(what)[0], predictor)
 
     def score(self, flights: Flight | Iterable[Flight]) -> pd.DataFrame:
-        """Mean errors on ``flights`` after 1, 10 and 50 steps of 10 ms, and their sum; index (model, quantity): the
+        """Mean errors on ``flights`` after 1, 10 and 50 steps of 10 ms, and their sum. Index (model, quantity): the
         predictor and the exported vehicle alone."""
         import pandas as pd
 
@@ -130,7 +133,7 @@ class VehicleModel:
         return ModelPredictor(self.model, VEHICLE_ROW)
 
     def summary(self) -> str:
-        """Parameters with units and intervals, which are priors, and all that has to be said with them."""
+        """Parameters with units and intervals; shows which are priors, and all caveats."""
         return self.result.summary()
 
     def plot(self) -> Any:
@@ -138,8 +141,9 @@ class VehicleModel:
         return self.result.plot()
 
     def linearize(self, battery_V: float = 3.7) -> control.StateSpace:
-        """The vehicle about its hover for python-control (extra ``control``): inputs ``motor_1`` .. [PWM ratio],
-        outputs position, velocity, turn, rate and thrust by name [m, m/s, rad, rad/s, N]; a delay by Pade.
+        """The vehicle about its hover for python-control (extra ``control``). Inputs ``motor_1`` .. [PWM ratio];
+        outputs position, velocity, turn, rate and thrust by name [m, m/s, rad, rad/s, N]. A delay is approximated by
+        Pade.
 
         >>> import nanobench_tools as nb
         >>> vehicle = nb.fit(nb.simulate(2, seed=1, seconds=12.0)).linearize()
@@ -151,7 +155,7 @@ class VehicleModel:
         return linearize(self.model, battery_V)
 
     def to_toml(self, path: str | os.PathLike[str] | None = None) -> str:
-        """The vehicle as simulator.toml, written to ``path`` where one is given. UsageError for a fit that is none."""
+        """The vehicle as simulator.toml, written to ``path`` where one is given. UsageError for a failed fit."""
         from ..physics.simulator import dumps, write_simulator
 
         if self.trouble:
@@ -181,12 +185,15 @@ def fit(flights: Flight | Iterable[Flight], terms: Sequence[str] | Mapping[str, 
     Thrust level, drag, moment of the air, trim and inertia are read from whole flights. What flights cannot identify
     keeps its prior and is marked (``parameters_.prior_share``).
 
-    terms: names of effects (``nanobench sysid --list``) to fit to what they predict half a second ahead instead; such
-    a model predicts, and need not be a vehicle. mass_kg: from a scale; flights show only ratios to it. arm_m: from the
-    centre to each motor (default 0.046). priors: a file in the form of ``identification/vehicle/priors.toml`` with
-    numbers of your own vehicle; those that ship are scaled by mass and arm for vehicles of another size. Velocity that
-    is not recorded follows from the positions. Without any battery voltage, a constant one is assumed, and
-    ``result.assumed`` lists it. InputError where no flight can be used, with the reason.
+    - terms: names of effects (``nanobench sysid --list``) to fit to predictions half a second ahead instead; such a
+      model predicts, and need not be a physical vehicle.
+    - mass_kg: from a scale; flights show only ratios to it.
+    - arm_m: from the centre to each motor (default 0.046).
+    - priors: a file in the form of ``identification/vehicle/priors.toml`` with numbers of your own vehicle; the
+      shipped priors are scaled by mass and arm for vehicles of another size.
+
+    Velocity that is not recorded follows from the positions. Without any battery voltage, a constant one is assumed,
+    and ``result.assumed`` lists it. InputError where no flight can be used, with the reason.
 
     >>> import nanobench_tools as nb
     >>> model = nb.fit(nb.simulate(3, seed=1, seconds=12.0))

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Motors:
-    """What was found on the motors. ``result``: as in motors.json; ``study``: the fits behind it."""
+    """Results for the motors. ``result``: as in motors.json; ``study``: the fits behind it."""
 
     result: MotorResult
     study: Study

@@ -6,11 +6,11 @@ from .loading import Flights
 
 
 def simulate(n: int = 1, seed: int = 0, family: str | None = None, seconds: float | None = None) -> Flights:
-    """n made-up flights (SYNTHETIC): a vehicle of its own each, flown on a path, logged as the recordings are.
+    """n made-up flights (SYNTHETIC), each of a different vehicle, flown on a path and logged as the recordings are.
 
     family: of the path (``circle``, ``figure_eight`` ...; None: all in turn); seconds: length of the path. The same
-    arguments give the same flights, which are kept in the cache: half a minute the first time. UsageError for a family
-    nobody knows.
+    arguments give the same flights, which are kept in the cache: half a minute the first time. UsageError for an
+    unknown family.
 
     >>> import nanobench_tools as nb
     >>> nb.simulate(2, seed=1, seconds=12.0)[0].provenance.synthetic

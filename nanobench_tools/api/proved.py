@@ -60,10 +60,13 @@ def prove(cases: int = 200, kind: Sequence[str] = (), engine: str = "both", seed
           diagnosed_by: str = "rules") -> BlindProof:
     """Diagnoses SYNTHETIC cases whose truth is sealed until the last verdict, and scores the verdicts.
 
-    kind: null, single, twin, pair, fault, change, foreign (empty: all, in fixed shares); engine: who flies the cases,
-    ``practice``, ``rotorpy`` or ``both``; diagnosed_by: "rules" or "posterior". Raises UsageError for an unknown kind,
-    engine or method.
-    Recordings instead of cases: ``nanobench prove --concealed``, ``--real``.
+    kind: null, single, twin, pair, fault, change, foreign (empty: all, in fixed shares).
+
+    engine: the simulator that flies the cases, ``practice``, ``rotorpy`` or ``both``. diagnosed_by: "rules" or
+    "posterior".
+
+    Raises UsageError for an unknown kind, engine or method. Recordings instead of cases:
+    ``nanobench prove --concealed``, ``--real``.
 
     >>> nb.prove(20, seed=3).table  # doctest: +SKIP
     """

@@ -55,8 +55,8 @@ def speaks_python(function: Callable[P, Found]) -> Callable[P, Found]:
 
 
 def given(flights: Iterable[Flight] = (), **options: Any) -> Options:
-    """Options of a verb that prints nothing, with ``flights`` as what was read: on all cores, but few flights in this
-    process, which takes less than to start others."""
+    """Options of a verb that prints no output, with ``flights`` as its recordings. It uses all cores, but runs few
+    flights in this process, which takes less time than starting others."""
     read = several(flights)
     return Options(**{"jobs": cores() if len(read) > FEW else 1, "quiet": True, **options, "flights": read})
 
@@ -71,7 +71,7 @@ def several(flights: Flight | Iterable[Flight]) -> list[Flight]:
     names = [f.name for f in found]
     twice = next((n for n in names if names.count(n) > 1), None)
     if twice is not None:
-        raise UsageError(f"two flights are called {twice!r}; give each a name of its own (dataclasses.replace)")
+        raise UsageError(f"two flights are called {twice!r}; give each a different name (dataclasses.replace)")
     return found
 
 

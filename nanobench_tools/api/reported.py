@@ -15,10 +15,10 @@ from .quiet_options import some
 def report(flights: Flight | Iterable[Flight], out_dir: str | Path = "results") -> Path:
     """Writes report.html and its tables (CSV, LaTeX) into ``out_dir`` and gives the path of the page.
 
-    The flights are audited. Results that lie in ``out_dir`` already are shown with them: audit.json, estimate.json,
-    sysid.json, thrust.json, control.json (``nanobench run``), verdict.json (``nanobench diagnose``).
+    The flights are audited. Results that are already in ``out_dir`` are shown, too: audit.json, estimate.json,
+    sysid.json, thrust.json and control.json (``nanobench run``), and verdict.json (``nanobench diagnose``).
 
-    Raises ``InputError`` for a result file that is none.
+    Raises ``InputError`` for an invalid result file.
 
     >>> import tempfile
     >>> import nanobench_tools as nb

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 
 class Thrust:
-    """Thrust maps of recordings; ``result`` has everything that thrust.json holds. With stands and flights together the
-    map of the flights is in use: that is what flies."""
+    """Thrust maps of recordings; ``result`` has everything that thrust.json holds. With thrust-stand tables and
+    flights together, the map of the flights is used, because it is the one that flies."""
 
     def __init__(self, result: ThrustResult, model: ThrustModel | None, sentence: str) -> None:
         self.result, self._model, self._sentence = result, model, sentence
@@ -125,9 +125,10 @@ def thrust(recordings: Flight | Iterable[Flight], test: Flight | Iterable[Flight
            seed: int = 0) -> Thrust:
     """Thrust from PWM and battery voltage: the map that predicts recordings it was not fitted to best.
 
-    recordings: flights, or tables of a thrust stand, as ``nb.load`` reads them; test: others to score on, instead of
-    the usual split. mass_kg: of the vehicle; free flight shows thrust over mass only. InputError where nothing can be
-    fitted.
+    recordings: flights, or thrust-stand tables, as ``nb.load`` reads them; test: others to score on, instead of the
+    usual split.
+
+    mass_kg: of the vehicle; free flight shows thrust over mass only. InputError where nothing can be fitted.
 
     >>> import nanobench_tools as nb
     >>> found = nb.thrust(nb.simulate(3, seed=1, seconds=12.0))
@@ -141,7 +142,7 @@ def thrust(recordings: Flight | Iterable[Flight], test: Flight | Iterable[Flight
 
     from ..steps.thrusting import thrust_maps, thrust_sentence
 
-    models(mass_kg)  # a mass that cannot be is said before anything is fitted
+    models(mass_kg)  # report an invalid mass before anything is fitted
     train, held_out = some(recordings), list([test] if isinstance(test, Flight) else test)
     options = given([*train, *held_out], seed=seed)
     found, parts = thrust_maps(options, [*train, *held_out], (train, held_out) if held_out else None, mass_kg)

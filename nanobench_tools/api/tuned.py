@@ -72,10 +72,14 @@ def tune(controller: str, simulator: str | Path | Simulator | None = None, traje
          radio_delay_s: float = 0.03, budget: int = 120, seed: int = 0) -> Tuning:
     """Searches the gains of a registered controller on simulated plants, and judges them on others.
 
-    simulator: path of a simulator.toml, what ``nb.fit`` gives, or None for the shipped vehicle. trajectory, judge:
-    families of paths to search and to judge on (empty: the usual ones), at speed [m/s], each of length seconds [s].
-    plants: to search on; twice as many others judge. budget: trials. UsageError for a controller without gains or a
-    family among both, InputError for a simulator that no controller can fly, NanobenchError where a flight failed.
+    - simulator: path of a simulator.toml, the result of ``nb.fit``, or None for the shipped vehicle.
+    - trajectory, judge: families of paths to search and to judge on (empty: the usual ones), at speed [m/s], each of
+      length seconds [s].
+    - plants: number to search on; twice as many others judge.
+    - budget: trials.
+
+    UsageError for a controller without gains or a family among both, InputError for a simulator that no controller can
+    fly, NanobenchError where a flight failed.
 
     >>> nb.tune("mellinger").table  # doctest: +SKIP
     """

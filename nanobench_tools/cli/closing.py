@@ -24,8 +24,8 @@ LONGEST_COMMAND = 320
 
 def close(options: Options, result: str, why: str = "", *command: object, screen: Sequence[Table | str] = (),
           detail: Sequence[Table | str] = (), lines: int = 0) -> None:
-    """Shows the ``screen`` as far as it fits the terminal (or ``lines``) beside what follows, with ``--verbose`` all of
-    ``detail`` instead; then ``result`` and, where there is one, the next ``command`` (its words) and what it is for."""
+    """Shows as much of the ``screen`` as fits the terminal (or ``lines``). With ``--verbose`` shows all of ``detail``.
+    Then shows ``result`` and, where there is one, the next ``command`` (its words) and its purpose."""
     if options.silent:
         return
     width = screen_width()
@@ -47,8 +47,8 @@ def close(options: Options, result: str, why: str = "", *command: object, screen
 
 
 def _show_within(options: Options, parts: Sequence[Table | str], lines: int) -> None:
-    """The parts on ``lines``: rows of the longest tables, then the last tables, are left out and counted where they do
-    not fit."""
+    """The parts on ``lines``. Where they do not fit, rows of the longest tables are left out and counted, then the
+    last tables."""
     width = screen_width()
     sizes = [len(lines_of(part, width) if isinstance(part, Table) else folded(part, width)) for part in parts]
     least = [_with_one_row(part, width) if isinstance(part, Table) else size

@@ -30,7 +30,7 @@ DEFAULT_PLANTS = ("real", "gate")
 @click.command()
 @shared_options()
 @click.option("--plant", "plants", multiple=True, metavar="NAME",
-              help="real: the logged flights; gate: held-out flights flown again on the plant, against their logs; "
+              help="real: the logged flights; gate: held-out flights flown again on the plant, against their logs. "
                    "simulated: an ensemble of plants; mismatch: plants unlike what controllers assume. May repeat. "
                    "Default: real and gate.")
 @click.option("--protocol", "protocols", multiple=True, metavar="NAME",
@@ -60,7 +60,7 @@ DEFAULT_PLANTS = ("real", "gate")
                    "(recordings: 0 to 11 %). Poses, commands of controllers that are not on board and references of "
                    "those that are wait.")
 @click.option("--wind", "wind_m_s", type=FiniteRange(min=0.0, max=10.0), default=0.0, show_default=True,
-              metavar="M_S", help="Simulated: a steady level wind, for every plant from a direction of its own.")
+              metavar="M_S", help="Simulated: a steady level wind, from a separate direction for every plant.")
 @click.option("--gains", "gain_files", multiple=True, type=PATH, metavar="FILE",
               help="Simulated: a file that tune wrote; its controller flies with these gains, too. May repeat.")
 @click.option("--learned", is_flag=False, flag_value="all", type=click.Choice(["all"]),
@@ -73,9 +73,9 @@ def control(options: Options, plants: tuple[str, ...], protocols: tuple[str, ...
             gain_files: tuple[Path, ...], learned: str | None, dagger: int) -> int:
     """Task 2: how well was it flown, and how would another controller fly it?
 
-    real: as-published is the published pair of rows with its faults, clean the phase in which a path was streamed, by
-    family, speed and controller. gate: does the plant do what held-out recordings did? simulated: controllers on many
-    plants that the vehicle may be, with the gate's gap beside every number.
+    Plant real: as-published is the published pair of rows with its faults; clean scores the phase in which a path was
+    streamed, by family, speed and controller. Plant gate: does the plant do what held-out recordings did? Plant
+    simulated: controllers on many plants that the vehicle may be, with the gate's gap next to every number.
     """
     from ..practice.references import FAMILIES
     from ..protocols import task2

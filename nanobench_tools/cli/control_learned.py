@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 CLONED = ("bc_mlp", "bc_lstm")
 ON_DYNAMICS = (*CLONED, "mppi")
 NEEDED = {"bc_mlp": {"bc_mlp"}, "bc_lstm": {"bc_lstm"}, "mppi_learned": {"bc_mlp", "dynamics"}}
-"""Networks that a row stands on."""
+"""Networks that a row needs."""
 TAUGHT = ("circle", "figure_eight", "helix", "oval", "star", "trefoil")
 TAUGHT_PLANTS = 2
 """A teacher corrects on the first three of these families that do not judge, on so many plants each."""
@@ -42,9 +42,9 @@ def learned_rows(options: Options, flights: Sequence[Flight], audits: Mapping[st
                  specs: Sequence[PathSpec], members: int, summary: Mapping[str, GateSummary] | None, rounds: int,
                  gains: Mapping[str, Mapping[str, float]] | None = None
                  ) -> tuple[list[LearnedRow | SimulatedRow], Lessons]:
-    """Rows, and what was trained and on what: rows on learned dynamics (plant ``learned``) with the published
-    numbers beside them, rows on the ensemble (plant ``simulated``). ``rounds``: of correction by the teacher; gains:
-    with these, those of TUNED fly again."""
+    """Rows, the trained networks and their data. Rows on learned dynamics (plant ``learned``) come with the published
+    numbers, then rows on the ensemble (plant ``simulated``). ``rounds``: of correction by the teacher; gains: with
+    these, those of TUNED fly again."""
     from controllers.learned.demonstrations import demonstrations, shown
     from controllers.learned.learned_flights import corrected
     from controllers.learned.policies import KINDS, trained

@@ -35,8 +35,9 @@ SHIPPED_GATE = "recorded_vehicle_gate.toml"
 
 @dataclass(frozen=True)
 class Chosen:
-    """A plant: text of its simulator.toml, draws of its parameters (names, rows) or None, (start, end) in Unix time of
-    the recordings it was identified from, and where it comes from in words."""
+    """A plant: text of its simulator.toml, draws of its parameters (names, rows) or None, and its origin in words.
+
+    ``trained`` has (start, end) in Unix time of the recordings it was identified from."""
 
     simulator: str
     draws: tuple[tuple[str, ...], list[list[float]]] | None
@@ -90,8 +91,8 @@ class Chosen:
 
 @dataclass(frozen=True)
 class ShippedGate:
-    """What is known of the shipped plant: (start, end) in Unix time of the recordings it was identified from, and what
-    its gate says on their own clock."""
+    """The shipped plant: (start, end) in Unix time of the recordings it was identified from, and its gate on their own
+    clock."""
 
     trained: tuple[tuple[float, float], ...]
     error_bar: ErrorBar
@@ -186,8 +187,8 @@ def gate_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, 
 
 def gate_on_clock(options: Options, flights: Sequence[Flight], audits: Mapping[str, Audit], chosen: Chosen,
                   requested: bool) -> GateBody:
-    """``gate_body`` on the clock of the options; on another one than the recordings' own also ``gate_compared``: ratios
-    over the same flights to the gate as recorded, which flies first and is not shown."""
+    """``gate_body`` on the clock of the options. On another clock than the recordings' own, adds ``gate_compared``:
+    ratios to the gate as recorded over the same flights. That gate flies first and is not shown."""
     from ..protocols import compare
 
     seen, judged = options.on_clock(flights, audits)
@@ -272,9 +273,8 @@ def simulated_rows(options: Options, chosen: Chosen, names: Sequence[str], specs
                    summary: Mapping[str, GateSummary] | None, radio_s: float = 0.0, wind_m_s: float = 0.0,
                    silent: float = 0.0, gains: Mapping[str, Mapping[str, float]] | None = None
                    ) -> tuple[list[SimulatedRow], SimulatedPart]:
-    """Rows and what is beside them: every controller (all registered ones without
-    ``names``) on the ensemble, and with its ``gains`` too where some are given. An item is a controller on TOGETHER
-    families."""
+    """Rows of every controller on the ensemble, and with its ``gains`` too where some are given; and their body.
+    Without ``names``: all registered controllers. An item is a controller on TOGETHER families."""
     from controllers.plants.simulated_flights import fly_controller
 
     from ..harness import make_item
@@ -316,7 +316,7 @@ def _versions(names: Sequence[str], gains: Mapping[str, Mapping[str, float]] | N
 
 def mismatch_rows(options: Options, chosen: Chosen, names: Sequence[str], specs: Sequence[PathSpec],
                   gains: Mapping[str, Mapping[str, float]] | None = None) -> list[MismatchRow]:
-    """Every controller on plants that differ from what it was told in one thing each."""
+    """Every controller on plants that each differ from its assumptions in one thing."""
     from controllers.plants.simulated_flights import fly_mismatched
 
     from ..harness import make_item

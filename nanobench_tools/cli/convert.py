@@ -31,19 +31,20 @@ ALL = "all-simulators"
 @shared_options("seed", "clock")
 @click.option("--to", type=click.Choice([*FORMATS, *SIMULATORS, ALL]), default="nanobench", show_default=True,
               metavar="FORMAT",
-              help="Recordings: nanobench (CSV with its sheet), parquet (a file per stream, SI units), tum (the mocap "
-                   "trajectory), rrd (for the Rerun viewer, with what the audit found). SIMULATOR.toml: rotorpy, "
+              help="Recordings: nanobench (CSV with its sheet), parquet (a file per stream, SI units), tum (the "
+                   "mocap trajectory), or rrd (for the Rerun viewer). SIMULATOR.toml: "
+                   "rotorpy, "
                    f"crazyflow (also drone-models), urdf (gym-pybullet-drones), c, casadi, or {ALL}.")
 @click.option("--mocap", type=click.Path(path_type=Path), metavar="FILE",
-              help="Motion capture of the same flight recorded on a clock of its own (TUM, or any format that is "
-                   "understood): its time is found by the turning rates.")
+              help="Motion capture of the same flight, recorded on a separate clock (TUM, or any known format). Its "
+                   "time offset is found from the turning rates.")
 @click.option("--battery", "battery_V", type=float, metavar="V",
               help="SIMULATOR.toml: battery voltage at which the greatest thrust is taken. [default: 3.7]")
 @click.option("--k-f", "k_f", type=float, metavar="N_s2/rad2",
               help="SIMULATOR.toml without thrust_rpm: thrust over rotor speed squared. [default: 2.3e-8]")
 def convert(options: Options, to: str, mocap: Path | None, battery_V: float | None, k_f: float | None) -> int:
-    """Write recordings of any source that is understood in another format, one per recording into --out DIR; or a
-    simulator.toml as parameters of other simulators, saying what each of them cannot express.
+    """Write recordings of any known source in another format, one per recording into --out DIR. Or write a
+    simulator.toml as parameters of other simulators, with a list of what each of them cannot express.
 
     \b
     nanobench convert log.bin --out csv            an onboard log as CSV with its sheet
@@ -159,7 +160,7 @@ def _hover(options: Options, model: Model, battery_V: float) -> Hover | None:
 
 def export_simulators(model: Model, folder: Path | None, targets: Sequence[str] = SIMULATORS,
                       assumed: Assumed | None = None) -> dict[str, Exported]:
-    """{target: what was written} into ``folder``."""
+    """Writes {target: files} into ``folder``."""
     from ..physics.export import export_model
 
     return {to: export_model(model, to, folder or Path(), assumed) for to in targets}

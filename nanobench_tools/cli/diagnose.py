@@ -44,21 +44,22 @@ CODE = "simulators_corrected"
 @click.command()
 @shared_options("clock")
 @click.option("--simulator", metavar="WHAT",
-              help="What is believed of the vehicle: simulator.toml; module:callable, a simulator of your own (below); "
-                   "or an adapter: rotorpy, crazyflow (their own Crazyflie), rotorpy:FILE, crazyflow:FILE (a "
-                   "simulator.toml as they can hold it, or rotorpy_params.json), crazyflow:DRONE.")
+              help="The simulator: simulator.toml; module:callable, a simulator of your own (below); or an adapter. "
+                   "Adapters: rotorpy, crazyflow (their own Crazyflie), rotorpy:FILE, crazyflow:FILE (a "
+                   "simulator.toml that they can express, or rotorpy_params.json), crazyflow:DRONE.")
 @click.option("--simulated", multiple=True, type=PATH, metavar="PATH",
-              help="Recordings a simulator produced, instead of --simulator: what it believes is identified from them "
+              help="Recordings a simulator produced, instead of --simulator: its parameters are identified from them "
                    "first. May repeat.")
 @click.option("--mass", "mass_kg", type=float, default=0.04085, show_default=True, metavar="KG",
               help="Mass the simulator was given, with --simulated and module:callable: flights show only thrust over "
                    "mass.")
 @click.option("--normal", multiple=True, type=PATH, metavar="PATH",
-              help="Normal flights of the same vehicle: what changed since, from the steady trim of the motors alone, "
-                   "for logs without full attitude or gyro. --simulator FILE then says where motors sit. May repeat.")
+              help="Normal flights of the same vehicle: reports what changed since, from the steady trim of the "
+                   "motors alone. For logs without full attitude or gyro. With --simulator FILE, which gives the "
+                   "positions of the motors. May repeat.")
 @click.option("--same-day", is_flag=True,
-              help="The flights of --normal were flown on the same day, with the same motors and propellers: smaller "
-                   "changes are told (from one day to another a motor may move by 10 %).")
+              help="The flights of --normal were flown on the same day, with the same motors and propellers. Smaller "
+                   "changes are then detected (from one day to another a motor may move by 10 %).")
 @click.option("--nothing-added", is_flag=True,
               help="With --normal: nothing was put onto the vehicle or hung from it since.")
 @click.option("--engine", type=click.Choice(ENGINES), default=ENGINES[0], show_default=True,
@@ -68,17 +69,18 @@ CODE = "simulators_corrected"
               help="Also train a network on what the simulator leaves (extra learned; a minute more): how much better "
                    "anything could predict these flights.")
 @click.option("--refit", is_flag=True,
-              help="Also refit what is named to predictions 0.1 and 0.5 s ahead, judged by flights left out in turn: "
-                   "taken into the corrected simulator only where it predicts these better (seldom; see docs).")
+              help="Also refit the identified effects to predictions 0.1 and 0.5 s ahead, judged by flights left out "
+                   "in turn. The corrected simulator uses the refit only where it predicts these better (seldom; see "
+                   "docs).")
 def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...], mass_kg: float,
              normal: tuple[Path, ...], same_day: bool, nothing_added: bool, engine: str, bound: bool,
              refit: bool) -> int:
     """Where is my simulator wrong? Locates, names and models what it leaves out, and proves it on unseen flights.
 
-    Recordings are looked over first: faults of the data are said and left out, a wandering clock is re-timed. What the
-    simulator would have produced along the measured states is then compared with what was measured, every effect of
-    the vocabulary is tried as an explanation, and what none explains is called unknown. --out DIR gets verdict.json,
-    report.html and, where something was named, simulator_corrected.toml and the same as CasADi functions and C.
+    Recordings are checked first: faults of the data are reported and left out, and a wandering clock is re-timed. The
+    simulator's output along the measured states is then compared with the measurement. Every effect of the vocabulary
+    is tried as an explanation; the unexplained rest is called unknown. --out DIR gets verdict.json and report.html.
+    Where an effect was identified, it also gets simulator_corrected.toml and the same as CasADi functions and C.
 
     \b
     A simulator of your own is called once for every stretch of flight of n rows:
@@ -90,8 +92,8 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
     along.time_s (n), position_m, velocity_m_s (n, 3; world), quaternion (n, 4; x y z w), rotation (n, 3, 3; body to
     world), rate_rad_s (n, 3; body), motor (n, 4; 0..1), battery_V (n), row_s. Returned: specific force in the body
     m/s^2 (+9.81 in z at hover) and angular acceleration rad/s^2, both (n, 3). A class with reset() and step(row) works
-    too. Terms are fitted to what it gives (simulator_equivalent.toml), and how well they reproduce it is said; where
-    they do not, nothing is named. More: nanobench_tools/physics/adapters/given.py.
+    too. Terms are fitted to its output (simulator_equivalent.toml), and the diagnosis reports how well they reproduce
+    it. Where they do not, no effect is identified. More: nanobench_tools/physics/adapters/given.py.
     """
     from identification.mismatch.headline import headline
 
@@ -110,7 +112,7 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
     if bound:
         from identification.learned.libraries import libraries
 
-        libraries()  # its absence is said before anything is computed
+        libraries()  # report its absence before anything is computed
     if (simulator is None) == (not simulated):
         raise UsageError("diagnose: give either --simulator WHAT or --simulated DIR, which say what is believed, or "
                          "--normal DIR, flights to compare with")
@@ -187,7 +189,7 @@ def _against_normal(options: Options, simulator: str | None, simulated: Sequence
 
 
 def _from_trim(options: Options, model: Model) -> int | None:
-    """The exit code of a verdict from the steady trim, where flights lack the streams that tell how they moved."""
+    """The exit code of a verdict from the steady trim, for flights without the streams that show how they moved."""
     from identification.mismatch.track import missing
 
     from .diagnose_normal import diagnose_trim

@@ -27,7 +27,7 @@ from .shared_options import PATH, FiniteRange, shared_options
               help="as-published, as-published-corrected, clean, aided, blackout or whole-flight; may repeat. Default: "
                    "the first three.")
 @click.option("--method", "methods", multiple=True, metavar="NAME|module:Class",
-              help="Estimator to score beside the default ones of the protocol; may repeat.")
+              help="Estimator to score in addition to the default ones of the protocol; may repeat.")
 @click.option("--only", is_flag=True, help="Score the estimators of --method alone.")
 @click.option("--trajectory-dir", "folders", multiple=True, type=PATH, metavar="DIR",
               help="Score DIR/<flight>.tum at their own stamps; the method is the folder's name.")
@@ -42,17 +42,18 @@ from .shared_options import PATH, FiniteRange, shared_options
 @click.option("--pose-loss", "losses", multiple=True, type=FiniteRange(min=0.0, max=1.0, max_open=True),
               metavar="SHARE", help="aided: share of the poses that never arrive. Default: 0.")
 @click.option("--attribution", "explained", is_flag=True,
-              help="Also say what the onboard filter's error comes from: its logged estimate by clock, and the filter "
-                   "run again with one thing changed at a time.")
+              help="Also attribute the error of the onboard filter. Scores its logged estimate by clock, and the "
+                   "filter run again with one thing changed at a time.")
 def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, ...], only: bool,
              folders: tuple[Path, ...], rates: tuple[float, ...], delays: tuple[float, ...], noises: tuple[float, ...],
              losses: tuple[float, ...], noise_file: Path | None, explained: bool) -> int:
     """Task 3: where was it? Scores of state estimators against motion capture.
 
-    as-published is the published table with its faults, as-published-corrected the same recordings with them mended,
-    clean every distinct flight. aided gives few, late and noisy poses all along. blackout gives poses until t0, every
-    5 s, and none afterwards, and scores where the vehicle is said to be 1, 5, 10 and 20 s later (windows in the JSON);
-    whole-flight gives none after take-off. --out DIR holds trajectories/<method>/<flight>.tum and trajectories/truth.
+    Protocols: as-published is the published table with its faults; as-published-corrected corrects them on the same
+    recordings; clean scores every distinct flight. Protocol aided gives few, late and noisy poses all along. Protocol
+    blackout gives poses until t0, every 5 s, and none afterwards; it scores the estimated position 1, 5, 10 and 20 s
+    later (windows in the JSON). Protocol whole-flight gives no pose after take-off. --out DIR holds
+    trajectories/<method>/<flight>.tum and trajectories/truth.
     """
     from ..protocols.aided import grid
     from ..protocols.task3 import AIDED, PUBLISHED, check_protocol

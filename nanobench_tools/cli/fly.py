@@ -42,7 +42,8 @@ INTERRUPTED = 130
               "optitrack, qualisys, vrpn, ...), or module:callable.")
 @click.option("--record", "record_to", type=PATH, metavar="DIR", help="Record the flight into this folder.")
 @click.option("--blocks", type=PATH, metavar="FILE", help="Log blocks (YAML) of the recording.")
-@click.option("--setpoints", type=click.Choice(KINDS), help="What is sent. Default: position for the vehicle's own "
+@click.option("--setpoints", type=click.Choice(KINDS), help="Kind of set-points to send. Default: position for the "
+                                                            "vehicle's own "
               "controllers, full-state for mellinger_full, thrust-rates for all others.")
 @click.option("--simulator", type=PATH, metavar="FILE", help="simulator.toml that a predictive controller plans with. "
               "Default: the recorded vehicle.")
@@ -62,9 +63,8 @@ def fly(options: Options, controller: str, trajectory: str, speed: float | None,
         tilt_deg: float, speed_limit: float, battery_limit: float) -> int:
     """Fly a path: checklist, take-off, fade-in, path, fade-out, landing, at 100 Hz.
 
-    A rule that is broken (fence, pose, battery, tilt, speed, controller, deadlines, link, Ctrl-C) ends the flight: the
-    vehicle holds its place and lands, and the exit line says why. Nothing is armed when a check fails.
-    """
+    A broken rule (fence, pose, battery, tilt, speed, controller, deadlines, link, Ctrl-C) ends the flight. The vehicle
+    holds its place and lands, and the exit line gives the reason. Nothing is armed when a check fails."""
     from ..radio.blocks import default_blocks, read_blocks
     from ..radio.fly.flight_plan import chosen_path
     from ..radio.fly.safety import Limits
@@ -131,7 +131,7 @@ def _fly(options: Options, request: Request) -> int:
     if result.recording is not None:
         body = replace(body, recording=say_export(options, result.recording))
     elif result.raw is not None:
-        options.say(f"what was recorded is in {result.raw}; nanobench record --export makes a recording of it")
+        options.say(f"the raw recording is in {result.raw}; nanobench record --export makes a recording of it")
     stop = outcome.stop
     said = f"{request.pilot.name}, {request.spec.trajectory_id}: " + (f"landed early: {stop}" if stop else "flown")
     if body.recording is not None:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 CONTROLLERS_HELP = ("onboard_pid, onboard_mellinger fly on board and are sent set-points; mpc_osqp, mpc_daqp, nmpc, "
                     "geometric, lqr and module:Class fly from here.")
 NOW: dict[str, Any] = setting("flying.fly_controllers.now")
-"""Of the observer: what it is told is of now (``radio.pose_tracker``), and its rates come from poses, noisier than a
+"""Of the observer: its input is of the present (``radio.pose_tracker``), and its rates come from poses, noisier than a
 gyro's."""
 
 
@@ -50,7 +50,7 @@ def pilot_for(name: str, kind: str | None, simulator: Path | None) -> Pilot:
 def _is_predictive(kind: type) -> bool:
     try:
         from controllers.mpc.predictive_base import Mpc
-    except ImportError:  # without casadi there is none
+    except ImportError:  # without casadi no controller is predictive
         return False
     return issubclass(kind, Mpc)
 

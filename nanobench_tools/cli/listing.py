@@ -41,14 +41,14 @@ OWN = {"estimators": "estimator", "predictors": "predictor", "controllers": "con
 
 
 def first_sentence(found: Any) -> str:
-    """That of a class or function; of its module where it has no text of its own."""
+    """The first sentence of a class or function; of its module if it has no docstring."""
     own = found.__doc__ if isinstance(found, type) else inspect.getdoc(found)
     text = " ".join((own or sys.modules[found.__module__].__doc__ or "").replace("``", "").split())
     return shortened(text)
 
 
 def shortened(text: str) -> str:
-    """The first sentence, without what stands behind a semicolon.
+    """The first sentence, up to a semicolon.
 
     >>> shortened("Stays where it was (Busetto et al. 2025); no model. And more.")
     'Stays where it was (Busetto et al. 2025).'
@@ -132,7 +132,7 @@ def _table(what: str, names: Names) -> Any:
 
 
 def list_option(verb: str) -> click.Option:
-    """``--list`` of a verb: prints and ends, whatever else is asked."""
+    """``--list`` of a verb: prints and ends, and ignores all other options."""
     def shown(context: click.Context, parameter: click.Parameter, wanted: bool) -> None:
         if wanted and not context.resilient_parsing:
             show_lists(verb)

@@ -37,9 +37,10 @@ SHOWN = (("roll_pitch_rate_mae_rad_s", "roll, pitch rate rad/s"), ("yaw_rate_mae
 def motors(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], mass_kg: float | None) -> int:
     """Motors from logs that hold rotor speed and PWM at 200 Hz or more, such as uSD logs with an RPM deck.
 
-    Time constants up and down by simulation against measured speed; speed from PWM and voltage; thrust and moments from
-    speed; and how well rotation is predicted from PWM at the rate of the log, from the same PWM as a radio delivers it,
-    and from measured speed. Whole flights are held out in turn, or --test judges. Flights of one vehicle at a time.
+    Time constants up and down by simulation against measured speed; speed from PWM and voltage; thrust and moments
+    from speed. Also the prediction of rotation from PWM at the rate of the log, from the same PWM as a radio delivers
+    it, and from measured speed. Whole flights are held out in turn, or --test judges. Flights of one vehicle at a
+    time.
     --out gets motors.json, motors.html and simulator.toml.
     """
     if bool(train) != bool(test):
@@ -65,7 +66,7 @@ def motors(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
 
 
 def motors_screen(options: Options, found: MotorResult) -> list[Grid | str]:
-    """Lag, speed, thrust and rotation: what was fitted, with intervals."""
+    """Lag, speed, thrust and rotation: fitted values with intervals."""
     title = f"Motors: {data_word(options)} data, {len(found.test)} flights held out"
     rows = [(row.input, *(f"{row.metrics[metric]['10']:.3f}" for metric, _ in SHOWN)) for row in found.rows]
     return [Grid.plain(title, ("", "fitted", "95 %", "unit"), [_cells(n) for n in fitted_numbers(found)], found.ci_why),
@@ -80,7 +81,9 @@ def _cells(number: FittedNumber) -> tuple[str, ...]:
 
 
 def _write(options: Options, study: Study, found: MotorResult) -> str | None:
-    """simulator.toml and the page into ``--out``, or simulator.toml beside ``--json``; the path of the first."""
+    """Writes simulator.toml and the page into ``--out``, or simulator.toml next to the file of ``--json``.
+
+    Returns the path of simulator.toml."""
     from identification.motors.motor_study import simulator
     from identification.motors.motors_page import motors_page
 

@@ -18,7 +18,7 @@ STARTERS = Path(__file__).resolve().parents[1] / "starters"
 KINDS = {"estimator": ("own_estimator", "GyroAndLine", ("estimate", "--protocol", "aided", "--method")),
          "predictor": ("own_predictor", "StraightOn", ("sysid", "--fit", "none", "--method")),
          "controller": ("own_controller", "TiltAndTurn", ("simulate", "--out", "flown", "--controller"))}
-"""What is begun -> module and class of the example, and the command that takes it."""
+"""Kind to begin -> module and class of the example, and the command that takes it."""
 
 
 @click.command()

@@ -26,7 +26,7 @@ def noise(options: Options) -> int:
     """Noise of gyro and accelerometer, for estimators to reckon with.
 
     At rest (motors off): overlapping Allan deviation, white noise and bias instability where the rest is long enough.
-    In flight: vibration by PWM, power by frequency, biases of flights, and how fast the integrals of gyro and
+    In flight: vibration by PWM, power by frequency, and biases of flights. Also how fast the integrals of gyro and
     accelerometer leave the motion capture. --out DIR gets imu_noise.toml, which the smoothers and filters read.
     """
     import numpy as np

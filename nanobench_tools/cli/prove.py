@@ -53,8 +53,8 @@ FLYING = ("practice", "rotorpy", "both")
                    "one piece of knowledge taken away, diagnosed on others. Logs with rotor speed: with the speed, "
                    "every other one makes a simulator; without speed and lag the others are diagnosed.")
 @click.option("--corrupted", is_flag=False, flag_value=DEFAULT_PLACES, metavar="[DIR]",
-              help="Real recordings of known vehicles below DIR (default: where other verbs look): a simulator fitted "
-                   "to some flights gets a wrong belief and is diagnosed on others.")
+              help="Real recordings of known vehicles below DIR (default: the default places of other verbs). A "
+                   "simulator fitted to some flights gets a wrong parameter and is diagnosed on others.")
 @click.option("--vehicle", "vehicles", multiple=True, metavar="NAME",
               help="Of --corrupted: this vehicle only; may repeat.")
 @click.option("--leave-vehicle-out", "left_out", multiple=True, metavar="NAME",
@@ -65,9 +65,10 @@ FLYING = ("practice", "rotorpy", "both")
               help=f"Mass of the vehicle of --concealed (default {MASS_KG}) or --real (default: what the firmware's "
                    "thrust curve says it carried).")
 @click.option("--real", type=PATH, metavar="DIR",
-              help="Real folders instead, one per thing done to the vehicle, one of them normal: every other one is "
+              help="Real folders instead, one per change of the vehicle, one of them normal. Every other one is "
                    "diagnosed blind against it, and each normal flight against the other normal ones.")
-@click.option("--labels", type=PATH, metavar="FILE", help="What was done, for --real; opened after the verdicts.")
+@click.option("--labels", type=PATH, metavar="FILE",
+              help="The change of each folder, for --real; opened after the verdicts.")
 @click.option("--normal", metavar="FOLDER", help="The normal folder of --real, or a folder elsewhere. Default: normal.")
 @click.option("--simulator", type=PATH, metavar="FILE", help="simulator.toml of the vehicle of --real: where its "
                                                              "motors sit, and its mass.")
@@ -81,14 +82,15 @@ def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: s
 
     --corrupted diagnoses real flights against simulators with a wrong belief, whose right value is known.
 
-    Cases are flown with effects that are concealed from the simulator (single, pair, twin: one that is easily confused
-    with another; change: from one flight on), or nothing (null), or wrong data (fault), or physics that no term
-    describes (foreign). The hash of all truths is written to --out before
+    Cases are flown with effects that the simulator does not have. Kinds: single, pair, twin (one that is easily
+    confused with another) and change (from one flight on). Other kinds have no effect (null), wrong data (fault), or
+    physics that no term describes (foreign). The hash of all truths is written to --out before
     the first case is diagnosed; they are opened after the last verdict.
 
-    A name is right when the concealed term is named, stands among the terms that the finding says it cannot be told
-    from, or is a declared twin (mass and thrust_scale). Every other finding is a false name. A small effect that is
-    not named counts as right when it lies below the smallest detectable size that the verdict states.
+    An identified effect is right if it is the concealed term or a declared twin (mass and thrust_scale). It is also
+    right if the finding lists the concealed term as indistinguishable from it. Every other finding is a false name. A
+    small effect that is not named counts as right when it lies below the smallest detectable size that the verdict
+    states.
     """
     if mass_kg is not None:
         check_mass(mass_kg)
@@ -211,7 +213,7 @@ def _close(options: Options, right: int, cases: int, false_names: int, screen: S
 
 
 def show_proof(options: Options, found: Proof, word: str) -> None:
-    """Tables for a person: kinds, sizes, terms, what was said of what, confidence."""
+    """Tables to read: kinds, sizes, terms, concealed against identified effects, confidence."""
     summary, details = found.summary, found.summary.details
     kinds = _table(f"Blind proof: {word} data, {summary.cases} cases [exact 95 % intervals]",
                    ("kind", "cases", "right", "false names", "outcomes"))

@@ -23,7 +23,7 @@ MOST_GROUPS = 2
 def corrupted(options: Options, place: str, n: int | None, engine: str, vehicles: Sequence[str],
               left_out: Sequence[str], groups: int | None) -> CorruptedProof:
     """The cases of the vehicles whose recordings are below ``place``, ``n`` of each, diagnosed by an engine and scored.
-    InputError where there are none."""
+    InputError without recordings."""
     from identification.prove.corrupted import VEHICLES, cases_of, groups_of
     from identification.prove.corrupted.case_score import score_all
     from identification.prove.corrupted.corrupted_rates import CorruptedProof

@@ -18,10 +18,10 @@ def report(options: Options) -> int:
     """One HTML page from the result files of a folder.
 
     Reads audit.json, estimate.json, sysid.json, thrust.json, control.json and verdict.json in --out (or in the one
-    PATH that has some), as far as they are there. Writes report.html and the tables as CSV and LaTeX beside them. The
-    pictures of single flights need the recordings: those of --data, else of the default places, that audit.json names
-    by content; without them the page has none. Where report.html is the page of another verb, such as diagnose, this
-    one is overview.html.
+    PATH that has some), as far as they are there. Writes report.html, and the tables as CSV and LaTeX into the same
+    folder. The pictures of single flights need the recordings that audit.json lists by content. They are read from
+    --data, else from the default places; without them the page has no such pictures. Where report.html is the page of
+    another verb, such as diagnose, this one is overview.html.
     """
     from ..pages.report_page import RESULTS, write_report
     from ..results.result_files import read_json

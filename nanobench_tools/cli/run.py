@@ -37,9 +37,9 @@ PRACTICE_SEEDS, PRACTICE_FLIGHTS = 2, 24
 def run(options: Options, clock_name: str | None, practice: bool) -> int:
     """The main job: audit, the three tasks, tables as CSV and LaTeX, and report.html in --out DIR (./results).
 
-    Reads --data, else the recordings in the default places; when there are none it simulates practice flights, and
-    everything made from them says SYNTHETIC. Started again after an interrupt it goes on where it was. --json holds
-    all result files in one: audit, estimate, control, sysid.
+    Reads --data, else the recordings in the default places. Without recordings it simulates practice flights, and
+    everything made from them is labelled SYNTHETIC. Started again after an interrupt it goes on where it was. --json
+    holds all result files in one: audit, estimate, control, sysid.
     """
     from ..pages.report_page import page_path
 

@@ -22,8 +22,8 @@ SIMULATOR_RETIMED = "simulator_retimed.toml"
 
 @dataclass(frozen=True)
 class Recordings:
-    """All recordings with their audits, and the one clock that was asked for; None: as recorded, and on
-    further clocks what a clock changes much: logged estimates, dead reckoning, prediction."""
+    """All recordings with their audits, and the selected clock; None: as recorded, and on further clocks what a clock
+    changes much: logged estimates, dead reckoning, prediction."""
 
     options: Options
     flights: Sequence[Flight]
@@ -62,8 +62,8 @@ def join(options: Options, parts: Sequence[Part[Body]]) -> Body:
 
 
 def estimate_on(given: Recordings) -> EstimateBody:
-    """estimate.json. No judged estimate has a vote in its clock (``moving.votes``); on further clocks what was
-    logged in flight and dead reckoning are scored, each distinct recording once."""
+    """estimate.json. No judged estimate is used to estimate its clock (``moving.votes``). Further clocks score only
+    the logged estimate and dead reckoning, each distinct recording once."""
     from ..auditing.selection import distinct
     from ..protocols import compare
     from ..protocols.task3 import BLACKOUT, PROTOCOLS
@@ -121,9 +121,9 @@ def control_on(given: Recordings) -> ControlBody:
 
 
 def sysid_on(given: Recordings) -> SysidBody:
-    """sysid.json; the models are fitted to the training flights and scored on the test flights of one clock, and each
-    clock has a separate simulator file. What is not a row stands for the ``clock`` it names, and for every other one
-    in ``by_clock``."""
+    """sysid.json. The models are fitted to the training flights and scored on the test flights of one clock; each
+    clock has a separate simulator file. Entries other than rows belong to the ``clock`` they give; those of every
+    other clock are in ``by_clock``."""
     from ..auditing.selection import distinct
     from ..protocols import compare
     from ..protocols.task1 import JUDGED
@@ -150,7 +150,7 @@ def sysid_on(given: Recordings) -> SysidBody:
 
 def _parts(given: Recordings, protocols: Sequence[str], recorded: Callable[..., Body],
            moved: Callable[[str], Body], clocks: Sequence[str] = (), further: Sequence[Part[Body]] = ()) -> Body:
-    """All protocols as recorded and ``clean`` on more ``clocks``, or ``clean`` on the one clock asked for; then the
+    """All protocols as recorded and ``clean`` on more ``clocks``, or ``clean`` on the one selected clock. Then the
     ``further`` parts."""
     if given.clock is None:
         parts: list[Part[Body]] = [("everything as recorded", recorded), *((c, partial(moved, c)) for c in clocks)]

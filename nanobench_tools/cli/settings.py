@@ -27,8 +27,8 @@ SHORT = 24
 def settings(options: Options, areas: tuple[str, ...]) -> int:
     """Every number that was set by looking at data: value, unit, what it does, what it was set on.
 
-    AREA shows one part, such as audit or mismatch; without it the areas, with --verbose everything. "not recorded"
-    means that nobody wrote down what a number was set on. A whole model is one row: it is a file.
+    AREA shows one part, such as audit or mismatch. Without it the areas are shown, with --verbose everything. "not
+    recorded" means that the data a number was set on were not written down. A whole model is one row: it is a file.
     """
     from ..settings import areas as known
     from ..settings import everything, models
@@ -98,5 +98,5 @@ def _text(value: Any) -> str:
 
 
 def _models(files: Sequence[Model]) -> Grid:
-    return Grid.plain("models in files of their own", ("file", "what it is", "set on"), [
+    return Grid.plain("models in separate files", ("file", "what it is", "set on"), [
         (model.file, one_line(model.does), one_line(_described(model.set_on))) for model in files])

@@ -43,9 +43,10 @@ OPTIONS: dict[str, Callable[..., Any]] = {
                          help="Seed of everything random."),
     "clock": click.option("--clock", type=click.Choice(CLOCKS), default=AS_RECORDED,
                           show_default=True,
-                          help="Take a time error out of the vehicle's streams first: the constant one (offset), the "
-                               "moving one by streams that are not judged (retimed), or by the logged position too "
-                               "(joint). Uses the motion capture of the whole flight; rows say which streams voted."),
+                          help="Take a time error out of the vehicle's streams first: the constant one (offset), or "
+                               "the moving one. The moving one is estimated from streams that are not judged "
+                               "(retimed), or from the logged position too (joint). Uses the motion capture of the "
+                               "whole flight; rows say which streams voted."),
     "columns": click.option("--columns", type=PATH, metavar="FILE", help="Column map (TOML) for a table of your own."),
     "verbose": click.option("--verbose/--no-verbose", default=False,
                             help="Everything that was found, beyond one screen."),

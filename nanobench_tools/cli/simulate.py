@@ -29,7 +29,7 @@ SHORTEST_S = 1.0
 @click.option("--controller", metavar="NAME",
               help=f"{KNOWN}. Default: two of three onboard_pid, the others onboard_mellinger.")
 @click.option("--seconds", "duration_s", type=FiniteRange(min=0.0), metavar="S",
-              help="Length of every path [s]; with --serve: end by itself.")
+              help="Length of every path [s]; with --serve: end after this time.")
 @click.option("--offset-ms", type=float, default=0.0, show_default=True, help="The vehicle's stamps are this late.")
 @click.option("--drift-ppm", type=float, default=0.0, show_default=True, help="The vehicle's clock is this fast.")
 @click.option("--wander-ms", type=FiniteRange(min=0.0), default=0.0, show_default=True,

@@ -55,9 +55,10 @@ _OPTIONS: tuple[Callable[..., Any], ...] = (
                  "recorded vehicle."),
     click.option("--battery", "battery_V", type=float, metavar="V", help="Served: its cell at rest."),
     click.option("--wind", "wind_m_s", type=Numbers(3), metavar="X,Y,Z", help="Served: the air moves so [m/s]."),
-    click.option("--start", type=Numbers(4), metavar="X,Y,Z,YAW", help="Served: where it stands [m, deg]."),
-    click.option("--deck", "positioning", is_flag=True, default=None, help="Served: a deck tells it where it is, no "
-                 "poses need be sent."),
+    click.option("--start", type=Numbers(4), metavar="X,Y,Z,YAW",
+                 help="Served: initial position and heading [m, deg]."),
+    click.option("--deck", "positioning", is_flag=True, default=None,
+                 help="Served: a deck measures the position, so no poses need be sent."),
     click.option("--latency-s", type=float, metavar="S", help="Served: of the radio, one way."),
     click.option("--latency-jitter-s", "jitter_s", type=float, metavar="S", help="Served: mean of a random delay on "
                  "top."),

@@ -33,9 +33,10 @@ if TYPE_CHECKING:
     from ..protocols.task1 import PredictionRow, Split
 
 DEFAULT_METHODS = ("naive", "published_physics", "published_physics_ratio2")
-STARTS_SENTENCE = ("Starts: centred, the stored velocity, of poses 50 ms ahead too, and rows that the recorder drew up "
-               "to the next packet; past, a velocity of poses up to the start, and gyro and onboard attitude of the "
-               "newest row that surely had come, on the clock they were recorded on.")
+STARTS_SENTENCE = ("Starts: centred, the stored velocity, which uses poses 50 ms ahead, and rows that the recorder "
+                   "interpolated up to the next packet; past, a velocity of poses up to the start. Past also uses "
+                   "gyro and onboard attitude of the newest row that had surely arrived, on the clock they were "
+                   "recorded on.")
 SHOWN = (("position_mae_m", "position m"), ("velocity_mae_m_s", "velocity m/s"), ("attitude_mae_rad", "attitude rad"),
          ("rate_mae_rad_s", "rate rad/s"))
 
@@ -43,8 +44,8 @@ SHOWN = (("position_mae_m", "position m"), ("velocity_mae_m_s", "velocity m/s"),
 @click.command()
 @shared_options()
 @click.option("--method", "methods", multiple=True, metavar="NAME|module:Class",
-              help="Predictor to score beside the default ones; may repeat.")
-@click.option("--only", is_flag=True, help="Score the predictors of --method alone, beside what --fit fits.")
+              help="Predictor to score in addition to the default ones; may repeat.")
+@click.option("--only", is_flag=True, help="Score only the predictors of --method and those that --fit fits.")
 @click.option("--train", multiple=True, type=PATH, metavar="PATH", help="Train on these recordings (with --test).")
 @click.option("--test", multiple=True, type=PATH, metavar="PATH", help="Test on these recordings (with --train).")
 @click.option("--fit", "wanted", type=click.Choice(["all", "short", "none"]), default="all", show_default=True,
@@ -92,7 +93,7 @@ def sysid(options: Options, methods: tuple[str, ...], only: bool, train: tuple[P
         from identification.vehicle.vehicle_priors import PriorsFile, priors_of
 
         known = PriorsFile.read(priors)
-        priors_of(vehicle, known)  # what is wrong with it is said before anything is read
+        priors_of(vehicle, known)  # report an invalid one before anything is read
     predictors = load_methods("predictors", (*(() if only else DEFAULT_METHODS), *methods))
     flights = options.load([*train, *test] if train else None)
     audits, _ = options.audit(flights)
@@ -210,7 +211,7 @@ def _show_fits(options: Options, fits: Fits, choice: Choice) -> None:
         options.detail(escape(fits[choice.exported][1].summary))
     if choice.exported is not None:
         options.detail(escape(" ".join(filter(None, (f"The row {SIMULATOR} is {choice.exported} as it is exported, "
-                                                   "read back and judged by itself.",
+                                                     "read back and judged alone.",
                                                    fits[choice.exported][1].simulator_note)))))
 
 

@@ -24,8 +24,8 @@ def checkpoint_folder(options: Options) -> Path:
 
 def learned_predictors(options: Options, train: Sequence[Case], physics: Mapping[str, Predictor], epochs: int,
                        vehicle: Vehicle, published: bool = True) -> list[Any]:
-    """Predictors trained on ``train``, the ``published`` ones too or our own alone; ``physics``: what was fitted to it,
-    by name. Failures are kept in ``options``.
+    """Predictors trained on ``train``, the ``published`` ones too or our own alone; ``physics``: the models fitted to
+    it, by name. Failures are kept in ``options``.
     MissingExtraError without JAX, InputError without training flights."""
     from identification.learned.learned_study import Wanted, trained_rows
     from identification.learned.libraries import libraries

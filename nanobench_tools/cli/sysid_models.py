@@ -70,8 +70,10 @@ def fitted(options: Options, train: Sequence[Case], wanted: str, vehicle: Vehicl
 
 @dataclass(frozen=True)
 class Choice:
-    """best: name of the best model of class ``state``; exported: the physical vehicle, or the best fitted one where
-    that is no result; scores {model: criterion} on training ``cases``, held out where a model is fitted to them."""
+    """The chosen models. best: name of the best model of class ``state``; exported: the physical vehicle, or the best
+    fitted one if there is no vehicle.
+
+    ``scores`` is {model: criterion} on training ``cases``, held out where a model is fitted to them."""
 
     best: str | None
     exported: str | None
@@ -86,8 +88,8 @@ class Choice:
 
 
 def choose(options: Options, train: Sequence[Case], predictors: Sequence[Any], fits: Fits, held_out: Scores) -> Choice:
-    """The best model of class ``state`` by whole training flights held out in turn (``held_out`` of ``fitted``); no
-    test flight takes part. Fits that are no result, and ``predictors`` that fail on a flight, are never the best."""
+    """The best model of class ``state`` by whole training flights held out in turn (``held_out`` of ``fitted``). Test
+    flights take no part. Fits that are no result, and ``predictors`` that fail on a flight, are never the best."""
     from ..harness import make_item
     from ..protocols import choice, task1
 
@@ -109,15 +111,16 @@ def choose(options: Options, train: Sequence[Case], predictors: Sequence[Any], f
 
 @dataclass(frozen=True)
 class Exported:
-    """path of the simulator file, None where nowhere to write was given; predictors: what is in it, by itself."""
+    """path of the simulator file, None where no folder was given; predictors: the exported model alone."""
 
     path: str | None = None
     predictors: list[ModelPredictor] = field(default_factory=list)
 
 
 def exported(options: Options, fits: Fits, best: str | None, name: str) -> Exported:
-    """The best fitted model as file ``name`` in ``--out``, or beside ``--json``, and for other simulators in a folder
-    beside it; read back, it is a predictor called SIMULATOR. Its trim is the mean of the training flights."""
+    """The best fitted model as file ``name`` in ``--out``, or next to the file of ``--json``. A folder next to it has
+    the files for other simulators. Read back, the model is a predictor called SIMULATOR. Its trim is the mean of the
+    training flights."""
     if best is None or best not in fits:
         return Exported()
     from ..physics import Model

@@ -34,11 +34,10 @@ if TYPE_CHECKING:
 def thrust(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], mass: float | None) -> int:
     """Thrust from PWM and battery voltage: which map holds for recordings it was not fitted to?
 
-    Fits polynomials, motor models and the firmware's curves to thrust-stand tables (thrust per motor) and to flights
-    (body-z specific force of the accelerometer, 3 Hz low-pass), and chooses by training files held out in turn.
-    Without --train and --test each stand series is predicted from the others of its propeller, and flights are split as
-    in Task 1. --out gets thrust.json, thrust.html, terms.toml for a simulator and thrust_firmware.h.
-    """
+    Fits polynomials, motor models and the firmware's curves, and chooses by training files held out in turn. The data
+    are thrust-stand tables (thrust per motor) and flights (body-z specific force of the accelerometer, 3 Hz low-pass).
+    Without --train and --test each stand series is predicted from the others of its propeller, and flights are split
+    as in Task 1. --out gets thrust.json, thrust.html, terms.toml (for a simulator) and thrust_firmware.h."""
     from identification.thrust.flight_fit import models
 
     from ..physics.vehicle import Vehicle
@@ -48,7 +47,7 @@ def thrust(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
     if train:
         no_paths_beside(options, "--train")
     mass_kg = Vehicle().mass_kg if mass is None else mass
-    models(mass_kg)  # a mass that cannot be is said before anything is read
+    models(mass_kg)  # report an invalid mass before anything is read
     flights = options.load([*train, *test] if train else None)
     parts = None
     if train:
@@ -134,8 +133,8 @@ def coefficients(part: Part) -> list[str]:
 
 
 def maps_detail(options: Options, part: Part) -> list[Table | str]:
-    """Every map on training and held-out rows, of flights as recorded, too; what the chosen one is, and the firmware's
-    beside it."""
+    """Every map on training and held-out rows, of flights as recorded, too; the chosen map, and the firmware's for
+    comparison."""
     from identification.thrust.thrust_result import FlightResult
 
     from ..protocols.sessions import interval_note
@@ -176,7 +175,8 @@ def _of_chosen(part: Part) -> list[str]:
 
 
 def _against_firmware(result: StandResult | FlightResult) -> list[str]:
-    """The chosen map beside the firmware's on held-out files; of every stand series what it was predicted from."""
+    """Compares the chosen map with the firmware's on held-out files; lists the series from which each stand series was
+    predicted."""
     from identification.thrust.thrust_result import StandResult
 
     pairs = result.against_firmware
@@ -195,7 +195,7 @@ def _against_firmware(result: StandResult | FlightResult) -> list[str]:
         if how and how.same_propeller and len(how.fitted_to) == 1:
             to += ", the only other one of its propeller"
         basis = "" if how is None else f" ({how.best} fitted to {to}" + (
-            "" if how.same_propeller is not False else ": none of its own propeller") + ")"
+            "" if how.same_propeller is not False else ": none of the same propeller") + ")"
         lines.append(f"{p.file}: {factor * p.rms:.{digits}f} against {factor * p.firmware:.{digits}f} {unit}{basis}")
         own = how.own_bands if how and how.fitted_to else None
         if own and own.rms_N and own.firmware_N:

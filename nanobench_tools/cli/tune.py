@@ -20,7 +20,7 @@ from .shared_options import PATH, FiniteRange, shared_options
 @shared_options("data", "columns")
 @click.option("--controller", required=True, metavar="NAME", help="A registered name or module:Class with gains.")
 @click.option("--plant", type=click.Choice(["simulated"]), default="simulated", show_default=True,
-              help="What it is tuned on: an ensemble of plants about the simulator.")
+              help="Tuned on an ensemble of plants about the simulator.")
 @click.option("--simulator", type=PATH, metavar="FILE", help="simulator.toml of the plant. Default: as shipped.")
 @click.option("--train", multiple=True, type=PATH, metavar="PATH",
               help="Identify the plant from these recordings; may repeat.")
@@ -43,10 +43,9 @@ def tune(options: Options, controller: str, plant: str, simulator: Path | None, 
          plants: int, radio_delay_s: float, budget: int) -> int:
     """Searches gains or weights of a controller on an ensemble of plants.
 
-    The best few fly on plants not searched on, and the best of those, or the gains as they are if none is better, is
-    judged on other plants and other families of paths, both whole: better is said only if the interval of the ratio
-    says so. Writes gains_CONTROLLER.toml to --out, which control --gains reads. A killed search goes on.
-    """
+    The best few fly on plants not searched on. The best of those, or the original gains if none is better, is judged
+    on other plants and other families of paths, both whole. Gains are called better only if the interval of the ratio
+    shows it. Writes gains_CONTROLLER.toml to --out, which control --gains reads. A killed search goes on."""
     from ..results.result_files import write_bytes
     from .control_plants import Chosen
 

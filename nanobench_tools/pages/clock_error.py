@@ -1,6 +1,7 @@
-"""A flight's clock error beside the position error it makes, for one picture.
+"""A flight's clock error and the position error that it causes, for one picture.
 
-An estimate whose stamp is late by d holds where the vehicle was d earlier: at speed v it lies v d behind on the track.
+An estimate with a timestamp late by d shows where the vehicle was d earlier. At speed v it lies v d behind on the
+track.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ FRAME_S = 12.0
 
 
 def clock_error(flight: Flight, audit: Mapping[str, Any], taken_out: Mapping[str, Any] | None) -> Figure | None:
-    """d(t) [ms] with its 95 % band, and the along-track position error beside d(t) times speed [mm].
+    """d(t) [ms] with its 95 % band, and the along-track position error and d(t) times speed [mm].
 
     taken_out: ``clocks.retimed`` of estimate.json for this flight: a clock that was set without comparing estimated
     positions to motion capture. None without one, or without a stretch where the vehicle moves.
@@ -50,8 +51,8 @@ def clock_error(flight: Flight, audit: Mapping[str, Any], taken_out: Mapping[str
                    ("d(t) and the estimator's own delay, times speed", "orange", "dot")), found, strict=True)]
     return Figure(
         f"One flight's clock error, and the position error it makes: {flight.name}",
-        "Above, with its 95 % band: read from gyro and accelerometer against motion capture, and from how fast the "
-        "estimated position advances; where that position lies was not compared with motion capture. Below: how far "
+        "Above, with its 95 % band: estimated from gyro and accelerometer against motion capture, and from the speed "
+        "of the estimated position. That position itself was not compared with motion capture. Below: how far "
         f"it lies behind the vehicle along its track, and d(t) plus one constant, times speed. {note} Frame: the "
         f"middle {2 * half:.0f} s; a double click shows all.",
         [Panel(time, Axis("d(t)", "ms", zero=True), [late], "", 230, wide=True, timed=True),
@@ -62,8 +63,8 @@ Track = tuple[list[tuple[np.ndarray, np.ndarray]], str]
 
 
 def _along(flight: Flight, audit: Mapping[str, Any], t: np.ndarray, d: np.ndarray) -> Track | None:
-    """Measured and explained distance behind along the track [mm] over time, in the air, where nothing is cut and it
-    moves; and in words what each explanation leaves."""
+    """Measured and explained distance behind along the track [mm] over time, and what each explanation leaves, in
+    words. Only moving rows in the air that are not cut."""
     if "mocap" not in flight or "estimator" not in flight:
         return None
     truth, source = flight["mocap"], flight["estimator"]
@@ -91,14 +92,14 @@ def _along(flight: Flight, audit: Mapping[str, Any], t: np.ndarray, d: np.ndarra
 
 
 def _own_delay(behind_m: np.ndarray, lateness_s: np.ndarray, speed_m_s: np.ndarray) -> tuple[float, float]:
-    """The one constant [s] beside ``lateness_s`` that fits best, and the RMS [m] it leaves."""
+    """The one constant [s] that fits best in addition to ``lateness_s``, and the RMS [m] it leaves."""
     constant_s = float(speed_m_s @ (behind_m - lateness_s * speed_m_s) / (speed_m_s @ speed_m_s))
     return constant_s, rms(behind_m - (lateness_s + constant_s) * speed_m_s)
 
 
 def typical(entries: Mapping[str, Mapping[str, Any]], taken_out: Mapping[str, Any]) -> str | None:
-    """The flight to show: of those whose moving error was confirmed the longer half in the air, and of these the one
-    with the median wander; or None."""
+    """The flight to show, or None. Of the flights with a confirmed moving error it takes the longer half in the air,
+    and of these the one with the median wander."""
     moving = [name for name, found in taken_out.items() if found and found.get("moving") and found.get("warp")
               and name in entries]
     by_length = sorted(moving, key=lambda name: (-(total(entries[name].get("airborne")) or 0.0), name))

@@ -11,8 +11,8 @@ if TYPE_CHECKING:
 
 
 def environment(**more: Any) -> Environment:
-    """The templates, which escape what they are given and refuse what they were not given; ``more``: names that they
-    know beside ``how_to_install``."""
+    """The templates, which escape what they are given and refuse what they were not given; ``more``: known names in
+    addition to ``how_to_install``."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     made = Environment(loader=PackageLoader("nanobench_tools.pages"), autoescape=True, trim_blocks=True,

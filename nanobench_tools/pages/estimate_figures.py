@@ -95,7 +95,7 @@ def dead_logs(body: Mapping[str, Any]) -> Figure | None:
                                        ("rows after its last packet", dead, "red"))], said, 220))
     return Figure("The \u201cdivergence\u201d of the published table is a log that had ended",
                   "Distance between logged estimate and motion capture over the rows that the published table scores, "
-                  "as recorded. Red: rows that a resampler drew after the estimator's last packet. The flights that "
+                  "as recorded. Red: interpolated rows after the estimator's last packet. The flights that "
                   "they make worst.", panels) if panels else None
 
 
@@ -124,6 +124,6 @@ def attribution(body: Mapping[str, Any]) -> Figure | None:
                 "", 70 + 30 * len(mine), wide=True))
     return Figure("What the onboard filter's error comes from",
                   f"Mean over flights (n = {found['n']}, replayed {found['n_replayed']}) with 95 % interval. Above: "
-                  "ATE of the logged estimate by clock, read from gyro and accelerometer alone, and of the same filter "
-                  "run again on the re-timed IMU with a pose every 10 ms. Below: that replay with one thing changed; "
-                  "an interval that holds 0 cannot be told from nothing.", panels)
+                  "ATE of the logged estimate by clock, which uses gyro and accelerometer alone. Also ATE of the "
+                  "same filter run again on the re-timed IMU with a pose every 10 ms. Below: that replay with one "
+                  "thing changed; an interval that contains 0 shows no effect.", panels)

@@ -23,10 +23,14 @@ Entry = float | str | None
 class Mark:
     """One series of a panel. ``name`` is in the legend, once for all marks of that name.
 
-    x, y: values (n,), None or nan where there is none. kind: ``line``, ``points``, ``both``, ``area`` (a line filled
-    between ``low`` and ``high``) or ``bars`` (lying, from ``x`` to ``high``). low, high: ends of an interval (n,), of
-    ``x`` where ``across``, else of ``y``. text: what is said of each value (n,). size: of each point or of all, px.
-    fade: opacity of each point (n,). t: time of each value (n,), s: the cursor's dot is there at that time.
+    - x, y: values (n,), None or nan where missing.
+    - kind: ``line``, ``points``, ``both``, ``area`` (a line filled between ``low`` and ``high``) or ``bars`` (lying,
+      from ``x`` to ``high``).
+    - low, high: ends of an interval (n,), of ``x`` where ``across``, else of ``y``.
+    - text: label of each value (n,).
+    - size: of each point or of all, px.
+    - fade: opacity of each point (n,).
+    - t: time of each value (n,), s: the cursor's dot is there at that time.
     """
 
     name: str
@@ -49,8 +53,12 @@ class Mark:
 
 @dataclass(frozen=True)
 class Axis:
-    """log: logarithmic, with ticks that can be read. rows: names instead of numbers, the first on top (as y axis) or
-    left. range: first and last value, None: all there is. zero: the axis holds 0 and draws it."""
+    """One axis.
+
+    - log: logarithmic, with readable ticks.
+    - rows: names instead of numbers, the first on top (as y axis) or left.
+    - range: first and last value, None: all data.
+    - zero: the axis includes 0 and draws it."""
 
     title: str = ""
     unit: str = ""
@@ -62,8 +70,12 @@ class Axis:
 
 @dataclass(frozen=True)
 class Panel:
-    """One plot. shaded: spans of x with a colour; rules: dotted lines (``x`` or ``y``, value). equal: both axes have
-    one scale. wide: it has a separate row. timed: x is the time of the cursor; such panels zoom together."""
+    """One plot.
+
+    - shaded: spans of x with a colour; rules: dotted lines (``x`` or ``y``, value).
+    - equal: both axes have one scale.
+    - wide: it has a separate row.
+    - timed: x is the time of the cursor; such panels zoom together."""
 
     x: Axis
     y: Axis
@@ -79,8 +91,10 @@ class Panel:
 
 @dataclass(frozen=True)
 class Figure:
-    """A picture with its caption and what is to be seen in it. cursor: first and last time [s] of a slider that shows
-    where everything is at one time. Two panels are side by side where there is room."""
+    """A picture with its caption and how to read it.
+
+    cursor: first and last time [s] of a slider that shows where everything is at one time. Two panels are side by side
+    where there is room."""
 
     title: str
     note: str

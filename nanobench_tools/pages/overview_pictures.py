@@ -133,8 +133,8 @@ def by_speed(estimate: Mapping[str, Any] | None) -> Figure | None:
 
 
 def blackout(estimate: Mapping[str, Any] | None) -> Figure | None:
-    """End error over the time since the poses stopped, as recorded, for every method; and how many of the errors are
-    inside three standard deviations of what a method says of itself."""
+    """End error over the time since the last pose, as recorded, for every method. Also the share of errors inside
+    three standard deviations of the method's own covariance."""
     windows = [w for w in (estimate or {}).get("windows") or [] if clock_of(w) == AS_RECORDED]
     methods = list(dict.fromkeys(str(w.get("method")) for w in windows))
     style = styled(methods)

@@ -32,16 +32,16 @@ def _short(value: float | str | None) -> float | str | None:
 
 
 def compressed(body: Any) -> str:
-    """JSON of ``body`` as base64 of a zlib stream; every browser undoes both. What is no text (names of files may hold
-    such) becomes a question mark."""
+    """JSON of ``body`` as base64 of a zlib stream; every browser undoes both. Characters that are not text (names of
+    files may have such) become a question mark."""
     text = json.dumps(body, allow_nan=False, separators=(",", ":"), ensure_ascii=False)
     return base64.b64encode(zlib.compress(text.encode(errors="replace"), 9)).decode()
 
 
 def envelope(time_s: np.ndarray, values: np.ndarray, span: tuple[float, float], buckets: int,
              resolution: float) -> tuple[np.ndarray, np.ndarray]:
-    """Time and value (2 ``buckets``,): of every stretch of ``span`` the smallest and the largest of ``values`` (n,) at
-    ``time_s`` (n,), in their order. A stretch with a value that is no number keeps a gap."""
+    """Time and value (2 ``buckets``,): the smallest and the largest of ``values`` (n,) at ``time_s`` (n,) in every
+    stretch of ``span``, in their order. A stretch with a value that is no number keeps a gap."""
     start, end = span
     width = max(end - start, 1e-9) / buckets
     slot = np.floor((np.asarray(time_s, float) - start) / width)

@@ -57,8 +57,8 @@ def spec(drawing: Drawing) -> dict[str, Any]:
 
 
 def _place(panel: Panel) -> dict[str, Any]:
-    """Height and room to the left [px], unit of the values, height over width of the data where both have one scale,
-    names of the rows as a phone shows them."""
+    """Height and room to the left [px], unit of the values, and names of the rows as a phone shows them. Also height
+    over width of the data where both have one scale."""
     found: dict[str, Any] = {"height": panel.height, "left": NUMBERS_PX, "unit": panel.y.unit}
     found |= {key: True for key in ("title", "wide", "timed") if getattr(panel, key)}
     if panel.y.rows:

@@ -1,6 +1,6 @@
 """One recording as the page shows it: its verdict, its path and its signals through one time, what is wrong, streams.
 
-What is drawn and what was thinned out is said under the picture; see ``packed``.
+A note under the picture lists the drawn series and the thinning; see ``packed``.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ PATHS = (("mocap", "motion capture", ("px", "py", "pz"), Mark("", [], [], colour
 
 def view(flight: Flight, audit: Mapping[str, Any] | None,
          taken_out: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """Everything the page shows of ``flight``; ``audit`` is its entry of audit.json, None when it was not audited,
-    ``taken_out`` the clock error in estimate.json that the estimator is judged with."""
+    """Everything the page shows of ``flight``; ``audit`` is its entry of audit.json, None when it was not audited.
+    ``taken_out`` is the clock error in estimate.json that the estimator is judged with."""
     audit = audit or {}
     return {"name": flight.name, "verdict": audit.get("verdict") or "", "severity": audit.get("severity") or "",
             "advice": audit.get("advice") or "", "facts": facts(flight, audit), "events": event_list(audit),
@@ -85,8 +85,8 @@ def figure(flight: Flight, audit: Mapping[str, Any], taken_out: Mapping[str, Any
 def paths(flight: Flight, audit: Mapping[str, Any], airborne: Sequence[Span]) -> list[Panel]:
     """Motion capture, onboard estimate and set-point in the world [m]; cut spans are gaps.
 
-    The set-point is drawn while the vehicle is airborne: before and after it is not a place to be at, and neither are
-    the zeros that are logged once nothing is asked for.
+    The set-point is drawn while the vehicle is airborne. Before and after, the logged set-points (often zeros) are not
+    places to be at.
     """
     count = int(np.clip(flight.span.duration_s * PATH_RATE_HZ, 2, PATH_POINTS))
     grid = np.linspace(flight.span.start_s, flight.span.end_s, count)
@@ -120,7 +120,7 @@ def timeline(audit: Mapping[str, Any], whole: Span) -> list[Panel]:
         ("usable", audit.get("usable", audit.get("clean")), "green", "usable")]
     for event in (audit.get("events") or [])[:DRAWN_EVENTS]:
         rows.append((event["kind"].replace("_", " "), event["spans"], colour_of(event["kind"]), event["sentence"]))
-    least = 0.003 * span.duration_s  # what is shorter would not be seen
+    least = 0.003 * span.duration_s  # shorter ones would be invisible
     marks = [Mark("", [a for a, _ in spans], [float(i)] * len(spans), "bars", colour, size=0.6,
                   high=[max(b, a + least) for a, b in spans],
                   text=[f"{said}: {a:.2f} to {b:.2f} s" for a, b in spans])
@@ -203,7 +203,7 @@ def motors(flight: Flight, audit: Mapping[str, Any]) -> Series:
 
 def _panel(title: str, unit: str, series: Mapping[str, tuple[np.ndarray, np.ndarray]], stream: str, flight: Flight,
            audit: Mapping[str, Any], airborne: Sequence[Span], resolution: float, zero: bool) -> Series:
-    """Series of one stream over time; the frame holds what is in the air and not cut, the rest is said."""
+    """Series of one stream over time. The frame shows rows in the air that are not cut; a note describes the rest."""
     cut = cut_spans(audit, stream)
     marks, ranges, outside = [], [], []
     for i, (name, (time_s, values)) in enumerate(series.items()):
@@ -247,7 +247,7 @@ def _unit(quaternion: np.ndarray) -> np.ndarray:
 
 
 def stream_list(flight: Flight, audit: Mapping[str, Any]) -> list[list[str]]:
-    """One row per stream: samples, rate, share valid, clock offset with interval, wander; or why there is none."""
+    """One row per stream: samples, rate, share valid, clock offset with interval, wander; or why these are missing."""
     rows = []
     for name in dict.fromkeys([*flight.streams, *streams_of([audit])]):
         rate = (audit.get("rates") or {}).get(name) or {}

@@ -43,8 +43,8 @@ FIGURE_SCRIPTS = ("chart.js", "figures.js")
 
 @dataclass(frozen=True)
 class Section:
-    """One part of the page: what was asked, what a person is told, pictures by name, tables. ``folded``: tables that
-    open at a tap. An empty one is not shown."""
+    """One part of the page: question, answer in words, pictures by name, tables. ``folded``: tables that open at a
+    tap. An empty one is not shown."""
 
     id: str
     title: str
@@ -61,13 +61,13 @@ class Section:
 
 def write_report(out_dir: Path, results: Mapping[str, Mapping[str, Any]], flights: Iterable[Flight],
                  audits: Mapping[str, Audit], synthetic: bool) -> Path:
-    """Writes report.html and the tables (CSV, LaTeX) into ``out_dir`` and returns the path of the page; never over the
-    page of another verb (``page_path``).
+    """Writes report.html and the tables (CSV, LaTeX) into ``out_dir`` and returns the path of the page. Never
+    overwrites the page of another verb (``page_path``).
 
-    ``results`` are the contents of the result files by name (``audit``, ``estimate``, ``sysid``, ``control``,
-    ``thrust``, ``verdict``); of one that is absent nothing is shown. A flight without an audit in ``audits`` takes the
-    entry of ``results["audit"]`` with its name, or else its content hash. ``synthetic``: the page, every table and
-    every picture say so, and only then.
+    ``results`` has the contents of the result files by name (``audit``, ``estimate``, ``sysid``, ``control``,
+    ``thrust``, ``verdict``). Absent files are skipped. A flight without an audit in ``audits`` takes the entry of
+    ``results["audit"]`` with its name, or else its content hash. ``synthetic``: the page, every table and every
+    picture say so, and only then.
     """
     from ..results.result_files import write_bytes
 
@@ -106,7 +106,7 @@ def page_path(out_dir: Path) -> Path:
 
 def render(results: Mapping[str, Mapping[str, Any]], tables: Sequence[Table], views: Sequence[Mapping[str, Any]],
            wander: Figure | None, label: str) -> str:
-    """The page as text. ``label`` stands before every caption, empty for real recordings."""
+    """The page as text. ``label`` precedes every caption, empty for real recordings."""
     parts = [part for part in sections(results, tables, wander) if not part.empty]
     first = overview_pictures.flights(results.get("audit"))
     drawings = {name: drawing for part in parts for name, drawing in part.figures.items()}
@@ -198,7 +198,7 @@ def flight_rows(results: Mapping[str, Mapping[str, Any]], there: Container[str])
 
 
 def without_published(body: Mapping[str, Any]) -> Mapping[str, Any]:
-    """A result without the published table's values: beside simulated flights they would compare nothing."""
+    """A result without the published table's values, for simulated flights: there is nothing to compare them with."""
     if "rows" not in body:
         return body
     return {**body, "rows": [{k: v for k, v in row.items() if k != "published"} for row in body["rows"]]}
@@ -210,7 +210,7 @@ def template(name: str) -> Markup:
 
 @functools.cache
 def library() -> str:
-    """The plotting library, compressed: Plotly's basic bundle, its licence beside it."""
+    """The plotting library, compressed: Plotly's basic bundle, with its licence."""
     return compressed((files("nanobench_tools.pages") / "vendor" / "plotly-basic.min.js").read_text(encoding="utf-8"))
 
 

@@ -82,8 +82,8 @@ def drop_blank(table: Table, key: str) -> Table:
 
 
 def clock_in_place(table: Table) -> Table:
-    """Clocks stand among the names of the rows where readers see several, else at the end, and nowhere where no row
-    says one."""
+    """Clocks are among the names of the rows where rows have several. Otherwise they are at the end, or left out where
+    no row has one."""
     i, end = ([c.key for c in table.columns].index(key) for key in ("clock", "data"))
     clocks = {str(row[i] or "") for row in table.rows[:table.main]} - {""}
     if len(clocks) > 1:

@@ -109,8 +109,9 @@ def task1_commands(sysid: Mapping[str, Any], synthetic: bool) -> Table:
                    count_of(row["command_response"]["windows"]), data_label(synthetic)) for row in rows)
     return clock_in_place(Table(
         "table_task1_commands", "Task 1: answer to a roll, pitch, yaw and thrust command put into the inputs", columns,
-        lines, "Change of the rate (thrust: velocity) 0.2 s after a step of PWM, as a share of rigid-body physics of "
-               "numbers from firmware, scale and ruler; 1 is the physics', below 0 turns the other way."))
+        lines, "Change of the rate (thrust: velocity) 0.2 s after a step of PWM, as a share of rigid-body physics "
+               "with parameters from firmware, scale and ruler. A value of 1 equals the physics; below 0 turns the "
+               "other way."))
 
 
 def task1_clocks(sysid: Mapping[str, Any], synthetic: bool) -> Table:
@@ -184,7 +185,7 @@ def task1_parameters(sysid: Mapping[str, Any], synthetic: bool) -> list[Table]:
 
 
 def _common_reason(models: Mapping[str, Any]) -> str:
-    """What is said of every interval: it is said once, below the table."""
+    """Remarks that apply to every interval, given once, below the table."""
     said = {text_of(body.get("ci_why")).split("; ")[0] for parameters in models.values()
             for body in parameters.values() if body.get("ci95")}
     return said.pop() if len(said) == 1 else ""

@@ -169,8 +169,8 @@ def logged_method(rows: Sequence[Mapping[str, Any]]) -> str | None:
 
 
 def task3_clocks(rows: Sequence[Mapping[str, Any]], synthetic: bool) -> Table:
-    """What is a clock and what is the estimator: one method as published, cleaned, with the constant offset removed,
-    and re-timed; empty unless rows of more than one clock are there."""
+    """The effect of the clock and of the estimator: one method as published, cleaned, with the constant offset
+    removed, and re-timed. Empty unless there are rows of more than one clock."""
     method = logged_method(rows)
     mine = [row for row in rows if str(row.get("method")) == method]
     found = {(row.get("protocol"), clock_of(row), _place(row)): row for row in mine}
@@ -209,7 +209,7 @@ def _place(row: Mapping[str, Any]) -> str:
 
 
 def _task3_table(name: str, title: str, rows: list[Mapping[str, Any]], known: Sequence[str], synthetic: bool) -> Table:
-    """Rows sorted by group; metrics that are not ``known`` stand aside, in the CSV file only."""
+    """Rows sorted by group; metrics that are not ``known`` are in the CSV file only."""
     scores = tuple(replace(score_column(metric), aside=metric not in known) for metric in metrics_of(rows, known))
     one = len({row.get("protocol") for row in rows}) == 1
     columns = (Column("group", "Group"), Column("protocol", "Protocol", aside=one), CLOCK, Column("method", "Method"),
@@ -220,7 +220,7 @@ def _task3_table(name: str, title: str, rows: list[Mapping[str, Any]], known: Se
     lines: list[tuple[Cell, ...]] = []
     main = 0
     first, named = clock_of(of_one_clock(rows)[0]), any(row.get("clock") for row in rows)
-    # what the clock does to dead reckoning is the point of its table: both stand on the page, group by group
+    # the table shows the effect of the clock on dead reckoning, so the page has both clocks, group by group
     together = any(row.get("protocol") == BLACKOUT for row in rows)
 
     def place(row: Mapping[str, Any]) -> tuple[Any, ...]:

@@ -20,8 +20,8 @@ FINE_SHARE = 0.9
 
 @dataclass(frozen=True)
 class Tile:
-    """title: what is asked; value: the answer; detail: n, interval and what it is compared with; section: where the
-    page tells more."""
+    """title: the question; value: the answer; detail: n, interval and the comparison; section: where the page has
+    more."""
 
     title: str
     value: str

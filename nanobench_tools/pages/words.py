@@ -1,4 +1,4 @@
-"""What a person is told above each table. Every number is computed from the results that are there."""
+"""Introductions above each table. Every number is computed from the results that are there."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _person(name: object) -> str:
 
 
 def overview(results: Results) -> Words:
-    """What was read and in which state it is, in a few sentences."""
+    """A few sentences on the recordings and their state."""
     flights = (results.get("audit") or {}).get("flights") or []
     if not flights:
         return ["No audit of recordings is among the results."]
@@ -58,8 +58,7 @@ def overview(results: Results) -> Words:
     repeats = " and ".join(text for n, text in ((copies, _count(copies, "copy", "copies")),
                                                 (slices, _count(slices, "slice"))) if n)
     if repeats:
-        lines.append(f"Among the recordings are {repeats} of others; what they repeat counts once in the corrected "
-                     "tables.")
+        lines.append(f"Among the recordings are {repeats} of others; repeated rows count once in the corrected tables.")
     if found:
         kinds = ", ".join(f"{kind} in {n}" for kind, n in sorted(found.items(), key=lambda item: (-item[1], item[0])))
         lines.append(f"Faults by number of recordings: {kinds}.")
@@ -69,13 +68,13 @@ def overview(results: Results) -> Words:
 
 
 def task1(results: Results) -> Words:
-    """Predictive models: what was scored, and what the published physics row does."""
+    """Predictive models: which were scored, and how the published physics row does."""
     sysid = results.get("sysid")
     if not sysid or not sysid.get("rows"):
         return []
     rows = sysid["rows"]
     lines: Words = ["A model gets the state at one moment and the logged motor commands and battery voltage, and "
-                    "predicts the next half second; the table gives its mean error after h steps of 10 ms."]
+                    "predicts the next half second. The table gives its mean error after h steps of 10 ms."]
     everything = [r for r in rows if r.get("group", "all") == "all"]
     mine = of_one_clock(everything)
     last = last_horizon(mine)
@@ -154,13 +153,13 @@ def task2(results: Results) -> Words:
     gate = control.get("gate") or []
     if gate:
         passed = sum(bool(g.get("pass")) for g in gate)
-        lines.append(f"The simulated plant passes its gate on {passed} of {len(gate)} logged flights; the gap stands "
-                     "beside every simulated number as its error bar.")
+        lines.append(f"The simulated plant passes its gate on {passed} of {len(gate)} logged flights; the gap is the "
+                     "error bar of every simulated number.")
     return [*lines, *_notes(control, "gate_note")]
 
 
 def task3(results: Results) -> Words:
-    """The estimates: what is a clock, and dead reckoning."""
+    """The estimates: the effect of the clock, and dead reckoning."""
     estimate = results.get("estimate")
     if not estimate or not estimate.get("rows"):
         return []
@@ -194,17 +193,18 @@ def published(results: Results) -> Words:
         names = [n for n in before.get("flights") or [] if n in flights]
         dead = sum(lost_in_the_air(flights[n]) > 0 for n in names)
         if dead:
-            text += (f". In {dead} of its {len(names)} recordings the radio log had ended in the air and the file "
-                     "continues every onboard stream as a straight line to its end; this was scored as the estimate")
+            text += (f". In {dead} of its {len(names)} recordings the radio log ended in the air, and the file "
+                     "continues every onboard stream as a straight line. The published table scores that line as the "
+                     "estimate")
         dropped = (number(before.get("n")) or 0) - (number(after.get("n")) or 0)
         if dropped > 0:
             text += f". {_count(int(dropped), 'recording', 'recordings')} fewer, because copies count once"
         points.append(text + ".")
     if points:
         lines += ["State estimation:", points,
-                  "The attitude error of the published protocol is a difference between degrees and radians, with the "
-                  "pitch of the firmware (nose up positive) against that of the motion capture (nose down positive); "
-                  "the corrected one is in one unit and one sign."]
+                  "The attitude error of the published protocol is a difference between degrees and radians, and "
+                  "between pitch with nose up positive (firmware) and nose down positive (motion capture). The "
+                  "corrected one has one unit and one sign."]
     real = of_one_clock(r for r in (results.get("control") or {}).get("rows") or []
                         if (r.get("plant") or "real") == "real")
     points = [f"{PEOPLE.get(str(before.get('controller')), before.get('controller'))}: " + "; ".join(filter(None, (
@@ -213,8 +213,8 @@ def published(results: Results) -> Words:
         for before, after in _pairs_by_flights(real)]
     if points:
         lines += ["Control. The published protocol counts take-off, landing and the wait on the ground as tracking, "
-                  "goes on after a log has ended, and subtracts headings in different units (degrees taken as "
-                  "radians); the corrected rows hold the streamed trajectory only, in one unit.", points]
+                  "and goes on after a log has ended. It subtracts headings in different units (degrees taken as "
+                  "radians). The corrected rows use the streamed trajectory only, in one unit.", points]
     models = one_truth(of_one_clock(r for r in (results.get("sysid") or {}).get("rows") or []
                                     if r.get("group", "all") == "all"))
     points = [point for row in models for point in _published_task1(row)]
@@ -237,8 +237,8 @@ def _retimed_blackout(rows: Sequence[Mapping[str, Any]]) -> Words:
         if clock == "joint":
             points.append(f"{method} on every clock, 5 s later: {_bracket(mine, method)}. Streams that voted in the "
                           f"joint clock: {', '.join(row.get('clock_evidence') or [])}.")
-    return ["Dead reckoning: poses up to a moment and none afterwards; how far off the vehicle is then said to be, "
-            "mean over flights, before and after the moving error of the clock is taken out:", points] if points else []
+    return ["Dead reckoning, after the last pose. Mean position error over flights, before and after the moving "
+            "error of the clock is removed:", points] if points else []
 
 
 def _bracket(rows: Mapping[tuple[Any, str], Mapping[str, Any]], method: Any) -> str:
@@ -252,7 +252,7 @@ def _bracket(rows: Mapping[tuple[Any, str], Mapping[str, Any]], method: Any) -> 
 
 
 def _on_clock(row: Mapping[str, Any], metric: str) -> str:
-    """What the paired ratio to the row as recorded says, in brackets; nothing where there is none."""
+    """The paired ratio to the row as recorded, in brackets; empty without one."""
     judgement = verdict(*((row.get(key) or {}).get(metric) for key in ("clock_ratio", "clock_ratio_ci95")))
     return f" ({judgement.replace(' (', ', ').removesuffix(')')})" if judgement else ""
 
@@ -275,9 +275,9 @@ def _clock_task3(rows: Sequence[Mapping[str, Any]]) -> Words:
     a, b = (mean_of((row.get("metrics") or {}).get("ate_rmse_m")) for row in (before, after))
     head = ""
     if a and b and b < MOSTLY * a and excludes_one((after.get("clock_ratio_ci95") or {}).get("ate_rmse_m")):
-        head = ("The position error is largely a clock and not the estimator: the stamps of the vehicle's streams "
-                "wander against those of the motion capture, and a moving vehicle turns a late stamp into an error "
-                "along its track. ")
+        head = ("The position error is largely a clock error and not an estimator error. The timestamps of the "
+                "vehicle's streams wander against those of the motion capture, and a moving vehicle turns a late "
+                "timestamp into an error along its track. ")
     across, delay = course("across_track_rmse_m"), course("delay_s")
     lines: Words = [f"{head}Means over {_count(int(number(before.get('n')) or 0), 'distinct flight')}:",
                     [f"ATE: {course('ate_rmse_m')}{_on_clock(after, 'ate_rmse_m')}.",
@@ -300,7 +300,8 @@ def _voters(row: Mapping[str, Any]) -> str:
         return "Which streams set this clock is not in the result file."
     attitude = f" Attitudes are judged on a clock from {turns}." if turns else ""
     return (f"This clock was set by {places} against the motion capture. The estimated position and velocity had no "
-            f"vote, so they can be judged on it.{attitude} What is left holds the clock's own error, too.")
+            f"vote, so they can be judged on it.{attitude} The remaining error includes the error of the clock "
+            "correction.")
 
 
 def _notes(body: Mapping[str, Any], *keys: str) -> list[str]:

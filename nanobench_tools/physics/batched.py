@@ -1,7 +1,7 @@
 """Any CasADi SX function, compiled to run over thousands of windows at once, alone or row after row.
 
-Lanes (windows) come last in every array: (components, n). Matrices are (rows, columns, n). This file is all that the
-rest sees of the back end (``lanes`` writes LLVM code, ``machine`` compiles and keeps it).
+Lanes (windows) come last in every array: (components, n). Matrices are (rows, columns, n). All other modules see this
+file only (``lanes`` writes LLVM code, ``machine`` compiles and caches it).
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def _uniform(array: np.ndarray, name: str, shape: tuple[int, int]) -> np.ndarray
 
 class Compiled:
     """Machine code of a casadi.Function. ``roles`` of its inputs: ``lane`` (a separate value for every window),
-    ``uniform`` (one for all), ``row`` (a separate value for every window and row) and, first only, ``state``.
+    ``uniform`` (one for all), or ``row`` (a separate value for every window and row). The first may be ``state``.
     """
 
     def __init__(self, function: Any, roles: Sequence[str], threads: int = 1) -> None:
@@ -63,8 +63,9 @@ class Compiled:
         """Outputs of the function, windows last.
 
         Without ``row`` inputs and state: arrays (components, n) -> outputs (rows, columns, n), (rows, n) of vectors.
-        With ``row`` inputs (H, components, n): outputs get a first axis of H rows. With a state (S, n): the first
-        output holds the start and the states after each row, (H + 1, S, n), or, ``keep="last"``, the last one (S, n).
+        With ``row`` inputs (H, components, n): outputs get a first axis of H rows. With a state (S, n), the first
+        output has the start and the states after each row, (H + 1, S, n). With ``keep="last"`` it has only the last
+        one (S, n).
         """
         roles = self.kernel.roles
         if len(inputs) != len(roles):

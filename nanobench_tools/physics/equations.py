@@ -2,9 +2,9 @@
 
     m dv/dt = R Tilt (sum T_i e3 + F_b) + F - m g e3        J dw/dt = tau - w x J w
 
-Delay, input limit, thrust map, thrust limit, scale and imbalance give the thrust asked for; it follows with the lag;
-then inflow and ground effect, body forces, torques, the tilt. Everything is written over components, so that NumPy
-arrays and CasADi symbols go through the same lines.
+Delay, input limit, thrust map, thrust limit, scale and imbalance give the commanded thrust. The thrust follows it with
+the lag. Inflow and ground effect, body forces, torques and the tilt come after. Everything is written over components,
+so that NumPy arrays and CasADi symbols go through the same lines.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ class Equations:
     def step(self, state: Components, inputs: Components, substeps: int = 1) -> list[Any]:
         """The states one row later: ``substeps`` steps of Runge-Kutta 4.
 
-        The quaternion is integrated in R^4, where the equation keeps its length, and normalised after each step; a
+        The quaternion is integrated in R^4, where the equation keeps its length, and normalised after each step. A
         projection onto the manifold keeps the order (Hairer, Lubich, Wanner 2006, Geometric Numerical Integration,
         theorem IV.4.1). The thrust is solved exactly, see ``rotor``.
         """

@@ -23,10 +23,13 @@ AXES = ("roll", "pitch", "yaw")
 
 @dataclass(frozen=True, repr=False)
 class Hover(Result):
-    """Steady hover in still air at battery_V, height_m above the ground. motor (n,) commands in ``unit``; thrust_N
-    (n,), as asked of the rotors; roll_deg, pitch_deg at which it stands still;
-    authority_rad_s2: angular acceleration about body x, y, z [rad/s^2], rotors settled, where every motor changes by
-    1 % of its command in the sense that turns so."""
+    """Steady hover in still air at battery_V, height_m above the ground.
+
+    - motor (n,): commands in ``unit``.
+    - thrust_N (n,): commanded rotor thrust.
+    - roll_deg, pitch_deg: tilt at which it does not move.
+    - authority_rad_s2: angular acceleration about body x, y, z [rad/s^2], rotors settled, where every motor changes by
+      1 % of its command in the direction of that turn."""
 
     motor: tuple[float, ...]
     unit: str
@@ -46,8 +49,8 @@ class Hover(Result):
 
 
 def doubts(model: Model) -> list[str]:
-    """Implausible parameters of ``model``, one line each: further from the values of stands and firmwares than the
-    factor that their term calls implausible."""
+    """Implausible parameters of ``model``, one line each. Their distance from published thrust-stand and firmware
+    values exceeds the factor of their term."""
     found = []
     arm = np.mean(np.hypot(*np.transpose(model.vehicle.motor_positions_m)))
     usual_arm = np.mean(np.hypot(*np.transpose(Vehicle().motor_positions_m)))
@@ -79,8 +82,8 @@ def state_of(model: Model, roll: float, pitch: float, thrust_N: np.ndarray) -> n
 
 
 def hover(model: Model, battery_V: float = BATTERY_V, height_m: float = 1.0) -> Hover:
-    """The hover of ``model``, ``height_m`` above the ground: the least-norm motors and tilt at which no velocity and no
-    rate changes. Raises UsageError with the remainder if it cannot hover."""
+    """The hover of ``model``, ``height_m`` above the ground: the least-norm motors and tilt at which velocity and rate
+    stay constant. Raises UsageError with the remainder if it cannot hover."""
     from scipy.optimize import least_squares
 
     weight = model.vehicle.mass_kg * model.vehicle.gravity_m_s2

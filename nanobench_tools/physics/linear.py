@@ -23,15 +23,20 @@ LINEAR = 12
 
 
 def linear_names(rotors: int) -> tuple[str, ...]:
-    """position_x .. [m], velocity_x .. [m/s] in the world, turn_x .. [rad] in the body beyond the hover's tilt, rate_x
-    .. [rad/s] in the body, thrust_1 .. [N]."""
+    """Names of the linear states, in order.
+
+    - position_x .. [m], velocity_x .. [m/s] in the world;
+    - turn_x .. [rad] in the body beyond the hover's tilt, rate_x .. [rad/s] in the body;
+    - thrust_1 .. [N]."""
     names = state_names(rotors)
     return (*names[:6], *(f"turn_{axis}" for axis in "xyz"), *names[10:])
 
 
 def matrices(model: Model, battery_V: float = BATTERY_V) -> tuple[np.ndarray, np.ndarray]:
-    """(A (12 + n, 12 + n), B (12 + n, n)) of dz/dt = A z + B u about the hover: z as ``linear_names``, u the change of
-    the motors' commands, undelayed. A lag that differs up and down is taken at the mean of both rates."""
+    """(A (12 + n, 12 + n), B (12 + n, n)) of dz/dt = A z + B u about the hover.
+
+    z is ordered as ``linear_names``, u is the change of the motors' commands, undelayed. A lag that differs up and
+    down is taken at the mean of both rates."""
     ca = import_casadi()
     model = _one_lag(model)
     at = hover(model, battery_V)

@@ -1,7 +1,7 @@
 """LLVM text -> machine code of this processor, kept in the user's cache folder under the hash of all it depends on.
 
-Entries are object files that only this user can have written (folder mode 0700, own files); one that is not whole
-fails its checksum and is made again.
+Entries are object files that only this user can have written (folder mode 0700, own files). An incomplete one fails
+its checksum and is made again.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ RIGID = 13
 
 
 def state_names(rotors: int) -> tuple[str, ...]:
-    """Names of the 13 + rotors states: position m and velocity m/s in the world, quaternion body to world, body rate
+    """Names of the 13 + rotors states. Position m and velocity m/s in the world, quaternion body to world, body rate
     rad/s, lagged thrust of each rotor N."""
     return (*(f"{name}_{axis}" for name in ("position", "velocity") for axis in "xyz"),
             *(f"quaternion_{axis}" for axis in "xyzw"), *(f"rate_{axis}" for axis in "xyz"),

@@ -40,8 +40,7 @@ def step(model: Model, states: np.ndarray, inputs: np.ndarray, parameters: np.nd
 
 
 def start_states(model: Model, start: np.ndarray, warm: Callable[[], np.ndarray]) -> np.ndarray:
-    """start (n, 13) or (n, S), S = 13 + rotors -> (S, n) with unit quaternions; rotor states that are not given are
-    ``warm()``."""
+    """start (n, 13) or (n, S), S = 13 + rotors -> (S, n) with unit quaternions. Missing rotor states are ``warm()``."""
     start = np.asarray(start, float)
     size = RIGID + model.rotors
     if start.ndim != 2 or start.shape[1] not in (RIGID, size):

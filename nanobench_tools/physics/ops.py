@@ -1,7 +1,7 @@
 """The few functions an equation may use in addition to + - * /, once for NumPy arrays and once for CasADi expressions.
 
-Equations are written over components (each a float, an array (n,) of a batch, or a CasADi scalar), so that the same
-function gives numbers and symbols.
+Equations are written over components (each a float, an array (n,) of a batch, or a CasADi scalar). The same function
+thus gives numbers and symbols.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""The swing of a load on a string: two states that a model of terms does not have, integrated beside it.
+"""The swing of a load on a string: two states that a model of terms does not have, integrated in addition to it.
 
 Small angles: s is the load's horizontal place against its knot, a the knot's acceleration,
 
     s'' = -(g / l) s - 2 zeta sqrt(g / l) s' - a,        F = m g s / l  on the knot.
 
-A knot that is held swings the load at sqrt(g / l), a vehicle of mass M that is free to follow at
-sqrt(g / l (1 + m / M)); a controller puts it between the two (any text on the overhead crane).
+A load on a fixed knot swings at sqrt(g / l), under a free vehicle of mass M at sqrt(g / l (1 + m / M)). A controller
+puts it between the two (any text on the overhead crane).
 """
 
 from __future__ import annotations

@@ -57,9 +57,11 @@ def rollout(model: Model, start: np.ndarray, motor: np.ndarray, battery_V: np.nd
     """States (n, H + 1, 13 + rotors) of n windows of H rows, the start first; see ``Model.state`` for the order.
 
     ``start`` (n, 13) position, velocity, quaternion, rate, or with the rotor states too, which are otherwise warmed up;
-    ``motor`` (n, H, rotors) PWM ratio or rad/s and battery_V (n, H), held over a row; ``past`` (motor, battery) the
-    same of the rows before the start, for the warm-up and for a delay; row_hz of the rows, by default the model's
-    rate_hz; ``parameters`` (P,) or (n, P) in place of the model's. Raises InputError for shapes that do not fit.
+    ``motor`` (n, H, rotors) PWM ratio or rad/s and battery_V (n, H), held over a row; ``past`` (motor, battery) has
+    the same of the rows before the start, for the warm-up and for a delay.
+
+    row_hz: rate of the rows, by default the model's rate_hz; ``parameters`` (P,) or (n, P) in place of the model's.
+    Raises InputError for shapes that do not fit.
     """
     row_hz = row_hz or model.vehicle.rate_hz
     window, before = rows(model, motor, battery_V, past, row_hz=row_hz, parameters=parameters)

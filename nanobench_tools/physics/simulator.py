@@ -100,7 +100,7 @@ def _problems(document: Mapping[str, Any]) -> list[rules.Problem]:
             values = {key: value for key, value in entry.items() if key != "name"}
             found += rules.term_problems(number, find_term(name), values, rotors)
             given.append((number, find_term(name), values))
-    if not found:  # what terms are to each other is only worth saying when each is right by itself
+    if not found:  # relations between terms only matter once each term is valid
         kind = vehicle.get("input", defaults["input"])
         found += rules.model_problems(kind, [(term, values) for _, term, values in given])
     return found

@@ -4,7 +4,7 @@
     command(u[I], p[P]) -> r[n] thrust asked for                lagged(r[n], u[I], p[P]) -> r[n] one row later
     rollout(x[S], U[I, H], p[P]) -> X[S, H]
 
-n rotors have S = 13 + n states; x, u and p are in the order of ``Model.state``, ``Model.inputs`` and ``Model.names``.
+n rotors have S = 13 + n states. The orders of x, u and p are ``Model.state``, ``Model.inputs`` and ``Model.names``.
 """
 
 from __future__ import annotations

@@ -51,7 +51,7 @@ class Belief:
 
 @dataclass(frozen=True)
 class Parameter:
-    """One entry of a term, scalar (``length`` 0), fixed length, any length from 1 on (None), or one element per rotor
+    """One entry of a term: scalar (``length`` 0), fixed length, any length from 1 on (None), or one element per rotor
     (``"rotors"``).
 
     ``lower`` and ``upper`` bound every element physically. ``neutral``: value of an element without an effect: a
@@ -59,16 +59,16 @@ class Parameter:
     (a start for a fit); ``source``: its origin. A ``^k`` in ``unit`` is the number of the element. ``only_input``: only
     on vehicles of this input. ``fixed_mean``: of a list whose mean is given by definition.
 
-    For fits: ``fitted`` (lower, upper, why) is narrower than the physical bounds, or a function of the vehicle that
-    gives (lower, upper) of every element. ``believed``: a prior, or a function of the vehicle that gives one or None
-    for every element. ``unidentifiable``: elements that flights do not show.
+    For fits, ``fitted`` (lower, upper, why) is narrower than the physical bounds. It may be a function of the vehicle
+    that gives (lower, upper) of every element. ``believed``: a prior, or a function of the vehicle that gives one or
+    None for every element. ``unidentifiable``: elements that flights do not show.
 
     For diagnoses: ``systematic``: error from logging alone (None: the relative error of the drag laws). ``differs``:
     variation between flights without a cause (None: as ``systematic``). ``grows`` with m (mass), l (length of the
     arms), /w (speed of all rotors in hover). ``implausible``: from this factor on. ``search_start``: start of the
-    search for effects that are far from linear at rest: a value, or ``inputs`` or ``thrusts`` for a limit of those.
-    ``in_product``: observable only times another parameter of its term, so not fitted alone. ``only_with``: element ->
-    term that makes it observable.
+    search for effects that are far from linear at rest. It is a value, or ``inputs`` or ``thrusts`` for a limit of
+    those. ``in_product``: observable only times another parameter of its term, so not fitted alone. ``only_with``:
+    element -> term that makes it observable.
     """
 
     name: str
@@ -113,9 +113,9 @@ class Parameter:
 class Situation:
     """Other quantities that an expression may use; filled while the stages are evaluated.
 
-    Lists contain components. ``before`` and ``whole_rows`` belong to command_delay: the input one row earlier, and the
-    number of whole rows by which both are already shifted. ``lagged_N`` and ``command_N``: rotor thrusts before inflow,
-    and the command that they follow with ``tau_s`` (up, down); empty for steady rotors.
+    Lists contain components. ``before`` and ``whole_rows`` belong to command_delay. They are the input one row
+    earlier, and the number of whole rows by which both are already shifted. ``lagged_N`` and ``command_N``: rotor
+    thrusts before inflow, and the command that they follow with ``tau_s`` (up, down). Empty for steady rotors.
     """
 
     vehicle: Any

@@ -1,1 +1,1 @@
-"""Signals derived from a recording's own numbers, whatever its name or its sheet claim; each is derived once."""
+"""Signals derived from a recording's numbers, independent of its name and sheet; each is derived once."""

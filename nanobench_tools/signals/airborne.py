@@ -1,8 +1,8 @@
-"""When the vehicle was in the air: more than 5 cm above the resting height, without the rests on the ground between
-two flights of one log.
+"""When the vehicle was in the air: more than 5 cm above the resting height. Rests on the ground between two flights of
+one log are excluded.
 
-A log that was switched on in the air never shows the ground, and its lowest point is no resting height. Motors that
-carry what they carry in flight, on a vehicle that moves, are then the evidence: nothing stands that long with them.
+A log that was switched on in the air never shows the ground, and its lowest point is no resting height. Motors at
+flight load on a vehicle that moves are then the evidence: a vehicle on the ground never runs them that long.
 """
 
 from __future__ import annotations
@@ -114,8 +114,8 @@ def _motors_off(context: Context) -> list[Span]:
 
 
 def _rests(context: Context, span: Span) -> bool:
-    """Whether the vehicle is at rest on the ground in most of a low stretch between two flights: it moves by no more
-    than its tracker's noise, and its motors, where they are known, do not carry it."""
+    """Whether the vehicle is at rest on the ground in most of a low stretch between two flights. It then moves by no
+    more than its tracker's noise, and its motors, where known, do not carry it."""
     place = context.once(position_of)
     if span.duration_s < RESTS_S or place is None or _carried(context, span):
         return False
@@ -150,8 +150,8 @@ def _carried(context: Context, span: Span) -> bool:
 
 
 def _flies(context: Context, span: Span) -> bool:
-    """Whether a vehicle whose motors never stop in the recording is carried by them, and moves, in a stretch that is
-    too low to tell. Where they do stop, the ground was seen and the height tells."""
+    """Whether motors that never stop in the recording carry a moving vehicle in a stretch where the height is too low
+    to decide. Where motors do stop, the ground was measured and the height decides."""
     streams = context.once(usable_streams)
     motor = streams.get("motor") or streams.get("command")
     place = context.once(position_of)

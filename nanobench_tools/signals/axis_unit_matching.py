@@ -2,8 +2,8 @@
 
 For every one of ``pairs`` the correlations of all axes with all axes are taken at every lag within reach. The order
 of axes that explains most, the signs at that lag and the ratio of the amplitudes are the verdict. A different order or
-sign is believed only if it is clearly better than leaving things as they are, and if it holds in the seconds of the
-flight taken one by one, not only in their sum.
+sign is accepted only if it is clearly better than the stored one. It must also hold in the separate seconds of the
+flight, not only in their sum.
 """
 
 from __future__ import annotations
@@ -55,9 +55,13 @@ CLEARLY = number("audit.axis_unit_matching.clearly")
 
 @dataclass(frozen=True)
 class AxisUnitMatch:
-    """order (3,): axis i of the stream looks like axis order[i] of the reference; sign (3,) -1 | 0 (not decided) | 1;
-    correlation (3,) with that axis; ratio (3,) of amplitudes, nan where the correlation is not clear; swapped: the
-    order differs from x, y, z beyond doubt."""
+    """How a stream's axes match those of the reference.
+
+    - order (3,): axis i of the stream looks like axis order[i] of the reference.
+    - sign (3,): -1 | 0 (not decided) | 1.
+    - correlation (3,): with that axis.
+    - ratio (3,): of amplitudes, nan where the correlation is not clear.
+    - swapped: the order clearly differs from x, y, z."""
 
     stream: str
     quantities: tuple[str, ...]
@@ -130,7 +134,7 @@ def match_of(pair: Pair, sums: LagSums) -> AxisUnitMatch | None:
         at = int(np.argmax(strength[order]))
         if np.all(k[at, axes, axes] > -CLEAR) or strength[order][at] < straight[as_is].sum() + CLEAR:
             at = as_is
-    if pair.quantities in HORIZONTAL and _turned_between(sums, at):  # a heading of its own is no other axis
+    if pair.quantities in HORIZONTAL and _turned_between(sums, at):  # a different heading is no other axis
         order, swapped = ORDERS[0], False
         return AxisUnitMatch(pair.stream, pair.quantities, order, (0, 0, 0), (0.0, 0.0, float(k[at, 2, 2])),
                              (np.nan, np.nan, np.nan), swapped)
@@ -175,9 +179,9 @@ def axis_unit_matches(context: Context) -> dict[MakePair, AxisUnitMatch]:
 def wrong_matches(context: Context) -> list[AxisUnitMatch]:
     """The streams that are in other axes, signs or units, each mistake once.
 
-    Two streams that disagree with the motion capture in the same way are right and the motion capture is wrong: the
-    estimator and the setpoint (else the estimated velocity) for positions, gyro and estimated attitude for rotations.
-    Accelerations and forces are then compared with derivatives of wrong positions and say nothing.
+    Two streams that disagree with the motion capture in the same way are right, and the motion capture is wrong. For
+    positions these are the estimator and the setpoint (else the estimated velocity), for rotations the gyro and the
+    estimated attitude. Accelerations and forces are then compared with derivatives of wrong positions and say nothing.
     """
     found = context.once(axis_unit_matches)
     wrong = {make: verdict for make, verdict in found.items() if verdict.wrong}

@@ -85,7 +85,8 @@ def _name(draft: Draft, table: Table, path: Path) -> None:
 
 
 def _whose(draft: Draft) -> None:
-    """Plain names beside those of an ecosystem: an axis that the estimate lacks is asked about; the sign of a pitch."""
+    """Plain names in addition to those of an ecosystem. Asks for an axis that the estimate lacks, and for the sign of
+    a pitch."""
     for plain, known in (("p", ""), ("v", "v")):
         lacking = [("mocap", plain + a) for a in "xyz" if ("mocap", plain + a) in draft.mapped
                    and ("estimator", known + a) not in draft.mapped]
@@ -148,8 +149,8 @@ def _time(draft: Draft, table: Table, place: str) -> np.ndarray:
 
 
 def _order_turn(stream: str, draft: Draft, values: Mapping[str, np.ndarray]) -> None:
-    """Gives q0 .. q3 their letters where one order alone has the vehicle upright; a turn about z looks upright in the
-    other, too, where it is half a turn."""
+    """Gives q0 .. q3 their letters where only one order has the vehicle upright. A turn about z looks upright in the
+    other order, too, when it is half a turn."""
     columns = [draft.mapped.pop((stream, f"q{d}")).column for d in NUMBERED if (stream, f"q{d}") in draft.mapped]
     if not columns:
         return
@@ -161,7 +162,7 @@ def _order_turn(stream: str, draft: Draft, values: Mapping[str, np.ndarray]) -> 
             if np.nanmedian(1.0 - 2.0 * (x * x + y * y)) > 0.0:
                 upright.append(order)
     if len(upright) != 1:
-        why = "of a quaternion by number: the scalar is the first or the last, and these numbers do not tell which"
+        why = "of a quaternion by number: the scalar is the first or the last, and these numbers do not show which"
         draft.unknown.update(dict.fromkeys(columns, why))
         return
     for quantity, column in zip(upright[0], columns, strict=True):

@@ -106,8 +106,8 @@ def one_unit(values: np.ndarray, measured: bool) -> bool:
 
 
 def noise_by_axis(values: np.ndarray, measured: bool) -> tuple[np.ndarray, float]:
-    """(k,) ``noise``, from higher differences where lower ones show that of one axis at most, and the largest ratio of
-    two axes in one unit."""
+    """(k,) ``noise``, and the largest ratio of two axes in one unit. Uses higher differences where lower ones show the
+    noise of one axis at most."""
     sizes = noise(values)
     if np.isfinite(sizes).sum() > 1:
         return sizes, SENSOR_NOISE_APART if measured else NOISE_APART

@@ -20,8 +20,8 @@ QUATERNION = ("qx", "qy", "qz", "qw")
 class Context:
     """``context.once(f)`` is ``f(context)``, kept: checks that need the same derived signal share it.
 
-    ``context.flight`` has only rows whose stamps are numbers (without one, a row stands nowhere), and NaN for values
-    that are none or larger than any measurement, for quaternions of four zeros and for placeholders of lost poses.
+    ``context.flight`` has only rows with a numeric timestamp, because other rows have no place in time. Values that
+    are missing or larger than any measurement, quaternions of four zeros and placeholders of lost poses are NaN.
     """
 
     def __init__(self, flight: Flight) -> None:

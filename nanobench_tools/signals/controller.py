@@ -14,8 +14,8 @@ RESERVED = (*ONBOARD, "none", "unknown")
 def controller_of(context: Context) -> str:
     """Content decides between the onboard controllers; any other has the name that its sheet gives (``controller``).
 
-    ``mellinger`` when the PID's roll, pitch and thrust stay exactly 0 and its yaw constant, ``none`` when the motors
-    never ran, else ``pid``; ``unknown`` without the streams that tell."""
+    ``mellinger`` when the PID's roll, pitch and thrust stay exactly 0 and its yaw constant. ``none`` when the motors
+    never ran, else ``pid``; ``unknown`` without the streams needed."""
     flight = context.flight
     if "motor" in flight and len(flight["motor"]) and not np.any(np.nan_to_num(flight["motor"].values) > 0.0):
         return "none"

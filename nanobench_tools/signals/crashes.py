@@ -49,8 +49,8 @@ def crash_of(context: Context) -> Crash | None:
 
 
 def _fall(context: Context) -> tuple[float, str] | None:
-    """Time and words of the first steady descent faster than FALL_M_S over FALL_OVER_S, slope of the height; jumps of a
-    tracker last one frame and are not steady."""
+    """Time and words of the first steady descent faster than FALL_M_S over FALL_OVER_S, by the slope of the height.
+    Jumps of a tracker last one frame and are not steady."""
     height = context.once(height_of)
     if height is None:
         return None

@@ -37,8 +37,8 @@ def with_velocity(flight: Flight) -> Flight:
 def velocity_of(time_s: np.ndarray, position_m: np.ndarray) -> np.ndarray:
     """Central differences over 2 * HALF_STEP_S of the line through the positions: (n, 3) m/s, in the same world.
 
-    time_s (n,) s, rising, n >= 2; position_m (n, 3) m. Where rows are further apart than HALF_STEP_S this is the mean
-    of the slopes on both sides; the first and the last row have one side only.
+    time_s (n,) s, rising, n >= 2; position_m (n, 3) m. Where rows are further apart than HALF_STEP_S, this is the mean
+    of the slopes on both sides. The first and the last row have one side only.
     """
     early, late = np.maximum(time_s - HALF_STEP_S, time_s[0]), np.minimum(time_s + HALF_STEP_S, time_s[-1])
     moved = [np.interp(late, time_s, column) - np.interp(early, time_s, column) for column in position_m.T]

@@ -1,4 +1,4 @@
-"""What is drafted of a column map: columns with their units and evidence, notes and questions, and the map as TOML."""
+"""Draft of a column map: columns with their units and evidence, notes and questions, and the map as TOML."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Drafted:
 
 @dataclass
 class Draft:
-    """What is being drafted: columns by (stream, quantity), frames by stream, what was left out, and what is asked."""
+    """State of a draft: columns by (stream, quantity), frames by stream, columns left out, and questions."""
 
     mapped: dict[Key, Drafted] = field(default_factory=dict)
     frames: dict[str, str] = field(default_factory=dict)
@@ -72,7 +72,7 @@ class Draft:
 @dataclass(frozen=True)
 class ColumnDraft:
     """``text``: the map as TOML; ``mapped``: {(stream, quantity): (column, unit)}, time as ("", "time"); ``unknown``:
-    {column: why nothing was guessed}; ``notes``: what was found in the numbers, and what to check; ``questions``: what
+    {column: why nothing was guessed}; ``notes``: findings from the numbers, and points to check; ``questions``: what
     only the user knows; ``status``: {column: known, shown or assumed}."""
 
     text: str

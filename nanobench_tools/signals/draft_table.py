@@ -46,7 +46,7 @@ def read_table(path: Path) -> Table:
     stamps = [n for n in header.names if meaning(n) == TIME]
     grid = read_grid(data, place, time=stamps[0] if stamps else None)
     if twice := [n for n in grid.repeated if isinstance(meaning(n), tuple)]:
-        raise InputError(place, f"{', '.join(map(repr, twice))} stand twice in the line of names",
+        raise InputError(place, f"{', '.join(map(repr, twice))} appear twice in the line of names",
                          "rename them, so that each names one column")
     if set(grid.text) & {"name", "variable", "key", "signal"} and "value" in grid.columns:
         raise InputError(place, "long format: one variable per row, a name and its value",

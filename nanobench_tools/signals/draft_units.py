@@ -50,7 +50,7 @@ def _battery(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
     middle = float(np.median(cells))
     if drafted.status == "known":
         if not 0.5 * evidence.CELLS_V[0] <= middle * factor(drafted.unit) <= 2.0 * evidence.CELLS_V[1]:
-            draft.ask([key], f"{middle:g} {drafted.unit} is no battery's voltage; what is it?")
+            draft.ask([key], f"{middle:g} {drafted.unit} is not a plausible battery voltage; give its meaning")
         return
     whole, falling = bool(np.all(cells == np.round(cells))), bool(np.all(np.diff(cells) <= 0.0))
     low, high = evidence.CELLS_V
@@ -107,7 +107,7 @@ def _motors(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
 
 
 def _gravity(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
-    """Specific force has gravity's size; what has none of it is no accelerometer."""
+    """Specific force has gravity's size; a stream without it is no accelerometer."""
     keys = draft.columns("imu", ("acc_x", "acc_y", "acc_z"))
     if len(keys) < 3:
         if draft.open(keys):

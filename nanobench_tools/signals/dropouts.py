@@ -1,9 +1,9 @@
 """Where each stream really ends: what lies between its last packet and the last row was made by the resampler.
 
 A log that stops before the recording does is continued by the resampler as a straight line (all columns exactly
-linear in time) or held. A straight line that moves is proof enough: no sensor draws one. A held one is proof
-only for streams that cannot hold still, because their noise is gone; commands may (a setpoint holds, motors stand
-at 0), so a held command is called dead only from the moment at which the streams with noise died as well.
+linear in time) or held. A straight line that moves is proof enough: no sensor draws one. A held one is proof only for
+streams that cannot hold still, because their noise is gone. Commands may hold (a setpoint, motors at 0), so a held
+command is called dead only from the moment at which the streams with noise died as well.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ SHORTEST_S = number("audit.dropouts.shortest_s")
 
 STRAIGHT_ROWS = count("audit.dropouts.straight_rows")
 NO_SENSORS = ("extra", "stand")
-"""Columns nobody knows and benches on which nothing need change."""
+"""Unknown columns, and thrust stands for which a constant is plausible."""
 BATTERY_HOLDS_S = number("audit.dropouts.battery_holds_s")
 
 
@@ -37,9 +37,9 @@ class Dropout:
 
 
 def holds_still_rightly(name: str, stream: Stream, rows: slice) -> bool:
-    """Whether nothing can be concluded from ``stream`` standing still in ``rows``: a setpoint may hold anywhere,
-    motors while all are at 0 or full, the attitude controller while it asks for nothing, the battery for
-    BATTERY_HOLDS_S (its converter has steps of some mV)."""
+    """Whether a constant ``stream`` in ``rows`` is no evidence. A setpoint may hold anywhere, motors while all are at
+    0 or full, and the attitude controller while it commands nothing. The battery may hold for BATTERY_HOLDS_S (its
+    converter has steps of some mV)."""
     if name == "setpoint":
         return True
     values = stream.values[rows]
@@ -63,12 +63,12 @@ def voltage_stands(context: Context) -> bool:
 
 
 def flies(context: Context) -> bool:
-    """Whether the recording has any stream of a vehicle that could fly; a thrust stand has none."""
+    """Whether the recording has any stream of a vehicle that could fly; a thrust-stand table has none."""
     return any(name in context.flight for name in ("mocap", "imu", "estimator"))
 
 
 def dropouts_of(context: Context) -> dict[str, Dropout]:
-    """The dead end of every stream that has one. The motion capture's own clock stands apart from the radio's."""
+    """The dead end of every stream that has one. The motion capture's own clock is separate from the radio's."""
     streams, packets = context.once(usable_streams), context.once(packets_of)
     last_bend = {name: _last_bend(p) for name, p in packets.items()}
     found: dict[str, Dropout] = {}

@@ -1,9 +1,10 @@
-"""What tells which axis of the tracked world and of the tracked body points up: how the vehicle flies, and the ground.
+"""Evidence for the axis of the tracked world and of the tracked body that points up: the flight itself, and the
+ground.
 
-A multirotor speeds up towards the side to which it tilts: the horizontal part of the body axis along which it thrusts
-follows the horizontal acceleration, divided by gravity (correlation 0.94 to 0.98 on real flights). In a world read
-upside down that correlation is negative; in one read with another axis up there is none. And a vehicle that stands
-still before and after a flight was above that place in between.
+A multirotor accelerates towards the side to which it tilts. The horizontal part of its thrust axis follows the
+horizontal acceleration divided by gravity (correlation 0.94 to 0.98 on real flights). In a world read upside down that
+correlation is negative. With another axis up there is no correlation. And a vehicle that stands still before and after
+a flight was above that place in between.
 """
 
 from __future__ import annotations
@@ -113,7 +114,7 @@ def _band(values: np.ndarray) -> np.ndarray:
 
 def ground_axes(context: Context) -> dict[Axis, float]:
     """Axis -> climb [m] of every axis that may point up: the vehicle is at rest at both ends of the recording and is
-    above that place in between. z alone where it may; empty where nothing can be said."""
+    above that place in between. Only z where z may point up; empty where it is undecided."""
     time_s, position, _ = context.once(seen_poses)
     ends = [position[time_s <= time_s[0] + STANDS_S], position[time_s >= time_s[-1] - STANDS_S]] if len(time_s) else []
     if len(time_s) < 20 or any(len(end) < 3 or (np.ptp(end, axis=0) > STILL_M).any() for end in ends):
@@ -132,8 +133,7 @@ def ground_axes(context: Context) -> dict[Axis, float]:
 
 
 def seen_poses(context: Context) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """time_s (n,), position (n, 3) m and quaternion (n, 4), or (n, 0) without one, of the rows that hold a pose of
-    their own."""
+    """time_s (n,), position (n, 3) m and quaternion (n, 4), or (n, 0) without one, of the rows with a measured pose."""
     stream, held = context.once(usable_streams).get("mocap"), context.once(held_poses)
     if stream is None or not all(q in stream for q in POSITION) or len(stream) < 3:
         return np.empty(0), np.empty((0, 3)), np.empty((0, 0))

@@ -1,4 +1,4 @@
-"""Rows of the motion capture that hold no pose of their own: no numbers, a repeated pose, or a straight line."""
+"""Rows of the motion capture without a measured pose: no numbers, a repeated pose, or a straight line."""
 
 from __future__ import annotations
 
@@ -20,8 +20,11 @@ POSITION, ROTATION = ("px", "py", "pz"), ("qx", "qy", "qz", "qw")
 
 @dataclass(frozen=True)
 class HeldPoses:
-    """(n,) bool each, over the usable rows of the motion capture: lost (no numbers), same (as the row before, or a
-    position that stands until it jumps on), drawn (on the chord of its neighbours, moving)."""
+    """(n,) bool each, over the usable rows of the motion capture.
+
+    - lost: no numbers.
+    - same: as the row before, or a position that stays constant until it jumps on.
+    - drawn: on the chord of its neighbours, moving."""
 
     lost: np.ndarray
     same: np.ndarray
@@ -59,7 +62,7 @@ def held_poses(context: Context) -> HeldPoses | None:
 
 def _stands(time_s: np.ndarray, position: np.ndarray) -> np.ndarray:
     """(n,) bool: rows of a position that repeats exactly and then goes on by more than usual steps, as if it had moved
-    meanwhile, whatever the rotation does. A tracker that rests and rounds goes on by one step."""
+    meanwhile. The rotation is not used. A tracker that rests and rounds goes on by one step."""
     flags = np.zeros(len(position), dtype=bool)
     with np.errstate(invalid="ignore"):
         step = np.linalg.norm(np.diff(position, axis=0), axis=1)

@@ -26,9 +26,13 @@ BEND_QUATERNION = number("audit.mocap_derivatives.bend_quaternion")
 
 @dataclass(frozen=True)
 class MocapDerivatives:
-    """time_s (n,); position_m, velocity_m_s, acceleration_m_s2 (n, 3) world; quaternion (n, 4) body to world;
-    euler_rad (n, 3) roll, pitch, yaw, unwrapped; rate_rad_s and force_m_s2 (specific force) (n, 3) body; good (n,)
-    bool: frames on both sides and no jump near by."""
+    """Derivatives of the tracked pose.
+
+    - time_s (n,);
+    - position_m, velocity_m_s, acceleration_m_s2 (n, 3): world;
+    - quaternion (n, 4): body to world; euler_rad (n, 3): roll, pitch, yaw, unwrapped;
+    - rate_rad_s and force_m_s2 (specific force) (n, 3): body;
+    - good (n,) bool: frames on both sides and no jump near by."""
 
     time_s: np.ndarray
     position_m: np.ndarray
@@ -44,8 +48,8 @@ class MocapDerivatives:
 def derivatives_of(context: Context) -> MocapDerivatives | None:
     """None without poses for at least one second.
 
-    Derivatives are central differences over 20 ms of a cubic spline through the frames (lost frames are bridged
-    without a kink): at 8 Hz their gain is 0.96 (first) and 0.98 (second), without delay.
+    Derivatives are central differences over 20 ms of a cubic spline through the frames, which bridges lost frames
+    smoothly. At 8 Hz their gain is 0.96 (first) and 0.98 (second), without delay.
     """
     stream = context.once(posed)
     names = ("px", "py", "pz", "qx", "qy", "qz", "qw")

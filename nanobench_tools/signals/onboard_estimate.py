@@ -33,7 +33,7 @@ class OnboardEkf:
         return Estimate(stream.time_s, stream["x", "y", "z"], quaternion, velocity)
 
     def logged_euler(self, flight: Flight) -> np.ndarray:
-        """(n, 3) rad: roll, pitch, yaw of the ``attitude`` stream at the estimator's stamps, neither wrapped nor
-        normalised: past the end of a log they run on as straight lines, which the published table counts."""
+        """(n, 3) rad: roll, pitch, yaw of the ``attitude`` stream at the estimator's timestamps, neither wrapped nor
+        normalised. Past the end of a log they run on as straight lines, which the published table counts."""
         stream = flight["attitude"]
         return stream.interpolate(("roll", "pitch", "yaw"), flight["estimator"].time_s)

@@ -1,6 +1,6 @@
-"""Which rows of a stream can hold a value of their own, and where the stream moves, stands or runs straight.
+"""Which rows of a stream can hold a measured value, and where the stream moves, holds or runs straight.
 
-A resampler interpolates between packets, so rows without a packet lie on the chord of their neighbours in every
+A resampler interpolates between packets. Rows without a packet therefore lie on the chord of their neighbours in every
 column of the stream (the chord test of ``sources.interpolation``). Streams that keep their sensor's stamps have none.
 """
 
@@ -25,8 +25,11 @@ APART = number("audit.packet_rows.apart")
 
 @dataclass(frozen=True)
 class Packets:
-    """straight (n,) bool: the row is on the chord of its neighbours in all columns, moving or not; still (n,) bool:
-    all columns equal those of the row before; interval_s: median time between packets."""
+    """Properties of each row.
+
+    - straight (n,) bool: the row is on the chord of its neighbours in all columns, moving or not.
+    - still (n,) bool: all columns equal those of the row before.
+    - interval_s: median time between packets."""
 
     straight: np.ndarray
     still: np.ndarray

@@ -1,5 +1,5 @@
-"""How two vector signals that should be the same are compared: what a stream says and what the motion capture predicts
-for it; which ones is in ``pairs``.
+"""Comparison of two vector signals that should be equal: a stream, and its prediction from motion capture. The pairs
+are in ``pairs``.
 
 Both are on the grid of ``mocap_derivatives`` and band-limited forward and backward (no delay). Rows near missing, dead,
 frozen or jumping data are left out.

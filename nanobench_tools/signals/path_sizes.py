@@ -1,9 +1,9 @@
-"""Wrong units of a path, from the path and the attitude alone: an axis that is too thin, an acceleration that no
-vehicle has, a tilt that does not fit the acceleration.
+"""Wrong units of a path, from the path and the attitude alone. Evidence: an axis that is too thin, an acceleration
+that no vehicle has, a tilt that does not fit the acceleration.
 
-A multirotor accelerates by its tilt times gravity (ratio 0.77 to 1.39 by axis on real flights), so one axis of its
-position in another unit contradicts its attitude. Numbers that are smooth and without attitude show less: then an axis
-within millimetres of the origin, beside others of metres, is in another unit.
+A multirotor accelerates by its tilt times gravity (ratio 0.77 to 1.39 by axis on real flights). One axis of its
+position in another unit thus contradicts its attitude. Smooth numbers without attitude show less: an axis within
+millimetres of the origin, where others span metres, is in another unit.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Units told from the size of numbers alone: what a quantity of a small quadrotor can be.
 
-For quantities that can be compared with the motion capture, ``axis_unit_matching`` shows more; these are the others,
-and the scale of the motion capture itself, on which every comparison stands.
+For quantities that can be compared with the motion capture, ``axis_unit_matching`` shows more. This file has the
+others, and the scale of the motion capture itself, on which every comparison relies.
 """
 
 from __future__ import annotations

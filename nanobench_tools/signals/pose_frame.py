@@ -1,6 +1,6 @@
 """The frame of the tracked poses: which axis of its world and which axis of its body points up.
 
-Every other check takes the poses with z up in both (``posed``), so that a turned frame is one finding and not many.
+Every other check uses poses with z up in both (``posed``). A turned frame is thus one finding and not many.
 """
 
 from __future__ import annotations
@@ -30,9 +30,10 @@ CLEARLY = number("audit.pose_frame.clearly")
 
 @dataclass(frozen=True)
 class PoseFrame:
-    """world, body: axes of the tracked world and body that point up; None where it is not known which. evidence: a
-    sentence, empty where both are z. foreign_rad: tilt, from the first moment on, of a body none of whose axes points
-    up; else 0."""
+    """world, body: axes of the tracked world and body that point up; None where it is unknown.
+
+    - evidence: a sentence, empty where both are z.
+    - foreign_rad: tilt, from the first moment on, of a body with no axis up; else 0."""
 
     world: Axis | None = UP
     body: Axis | None = UP
@@ -90,7 +91,7 @@ def _why_tilt(axes: tuple[Axis, Axis], tilt: Tilt, usual: Tilt | None) -> str:
 
 
 def _why_ground(ground: dict[Axis, float]) -> str:
-    return ("pz goes below the place where the vehicle stands before and after the flight; "
+    return ("pz goes below the resting place of the vehicle before and after the flight; "
             + " or ".join(f"{NAMES[axis]} rises by {ground[axis]:.2f} m above it" for axis in ground))
 
 

@@ -1,4 +1,4 @@
-"""Jumps of the tracked pose between two frames; limits and reasons stand in ``faults.mocap_jump``."""
+"""Jumps of the tracked pose between two frames; limits and reasons are in ``faults.mocap_jump``."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ BROKEN_S = number("audit.pose_jumps.broken_s")
 
 @dataclass(frozen=True)
 class PoseJump:
-    """Between the frames at start_s and end_s; size and limit in m, or rad when ``rotation``; offset (3,) the step in
-    m, world, or the rotation vector in rad, body."""
+    """Jump between the frames at start_s and end_s. Size and limit are in m, or rad when ``rotation``. Offset (3,) is
+    the step in m, world, or the rotation vector in rad, body."""
 
     start_s: float
     end_s: float
@@ -81,7 +81,7 @@ def _until(context: Context) -> float:
 
 
 def _stamps_broken(context: Context, at_s: np.ndarray) -> np.ndarray:
-    """(n,) bool: beside rows whose stamps were wrong, so that the time between two frames is not known."""
+    """(n,) bool: next to rows with wrong timestamps, so that the time between two frames is unknown."""
     broken = np.zeros(len(at_s), dtype=bool)
     for _, t in context.once(tables):
         for k in np.flatnonzero(np.diff(t) <= 0.0):

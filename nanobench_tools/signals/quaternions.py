@@ -1,8 +1,9 @@
-"""In which order the elements of each stream's quaternions stand, judged by a vehicle that stands and flies upright.
+"""The order of the elements of each stream's quaternions, judged by a vehicle that is upright at rest and in flight.
 
 A vehicle rests on its feet and thrusts along its body z axis, so that axis points up in the first seconds of a
-recording. For quaternions stored w, x, y, z but read as x, y, z, w it points down or aside. The order that points up is
-taken; where two do (an upright vehicle turned by 180 deg) the one that agrees with the other source of attitude.
+recording. For quaternions stored w, x, y, z but read as x, y, z, w it points down or aside. The order that points up
+is used. Where two do (an upright vehicle turned by 180 deg), the one that agrees with the other source of attitude is
+used.
 """
 
 from __future__ import annotations
@@ -64,8 +65,8 @@ def quaternion_orders(context: Context) -> dict[str, Order]:
 
 
 def _flies_as_read(context: Context) -> bool:
-    """Whether the vehicle flies better along another axis of the tracked body as read than along z in the other
-    order: a body with z down and one read in the wrong order both look upside down."""
+    """Whether the vehicle flies better along another axis of the tracked body as read than along z in the other order.
+    A body with z down and one read in the wrong order both look upside down."""
     found = context.once(tilts)
     swapped = found["w, x, y, z"].get((UP, UP))
     best = max((t.follows for t in found["x, y, z, w"].values() if t.flies), default=-1.0)

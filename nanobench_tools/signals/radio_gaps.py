@@ -1,7 +1,7 @@
 """Rows of a log sent by radio that no packet carried, and the gaps of the radio that they show.
 
-A resampler draws rows on a straight line where no packet came. While nothing comes down from the vehicle nothing goes
-up to it: every packet of its log rides on the answer to one that it was sent.
+A resampler draws rows on a straight line where no packet came. While no packet comes down from the vehicle, none goes
+up to it: every packet of its log is the answer to one that it was sent.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ LONGER = number("audit.radio_gaps.longer")
 
 
 def drawn(flight: Flight) -> np.ndarray:
-    """(n,) at the rows of the IMU: which part of the streams ``imu`` and ``motor`` carries no packet there, as known
-    one row later (0, 1/2 or 1)."""
+    """(n,) at the rows of the IMU: the part of the streams ``imu`` and ``motor`` without a packet there (0, 1/2 or 1).
+    It is known one row later."""
     imu = flight["imu"]
     found = []
     for name, digits in RESOLUTION.items():

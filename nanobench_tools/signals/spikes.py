@@ -1,4 +1,4 @@
-"""Samples that stick out of their neighbours and are gone again; limits and reasons stand in ``faults.spike``."""
+"""Samples that differ from their neighbours and return at once; limits and reasons are in ``faults.spike``."""
 
 from __future__ import annotations
 
@@ -84,12 +84,12 @@ def spikes(context: Context) -> list[Spike]:
 
 
 def least_height(values: np.ndarray, first: int, end: int, limit: np.ndarray) -> np.ndarray:
-    """(k,): a spike in rows first..end-1 of values (n, k) that adds at least so much is found, whatever its sign.
+    """(k,): smallest spike of either sign that is found in rows first..end-1 of values (n, k).
 
-    A moving vehicle goes on beneath it: the median of the neighbours may lie a row's step nearer for each row of the
-    spike, and the neighbours on either side differ, of which it has to be double to be one that comes back; those
-    a step beyond the limit away count as part of it. The reading it spoils may have been off to the other side by as
-    much as readings around it (97 % of them: all but what the spike itself reaches).
+    A moving vehicle moves on during the spike. The median of the neighbours may be nearer by a row's step for each row
+    of the spike. The neighbours on either side also differ; a spike that returns must be twice that difference. Rows a
+    step beyond the limit away count as part of it. The spoiled reading may have been off to the other side by as much
+    as readings around it (97 % of them: all but those that the spike itself reaches).
     """
     rows = slice(max(first - AROUND, 0), end + AROUND)
     noise, off = np.quantile(_distance(values[rows]), (0.5, AROUND_QUANTILE), axis=0)
@@ -102,8 +102,8 @@ def least_height(values: np.ndarray, first: int, end: int, limit: np.ndarray) ->
 
 
 def _bounced(values: np.ndarray, first: int, end: int, limit: np.ndarray) -> bool:
-    """Whether rows first..end-1 of positions (n, k) are where the path turns round, as legs that strike the ground do:
-    on the straight lines through the rows before and after, within half the limit. A spike is off both."""
+    """Whether the path turns round in rows first..end-1 of positions (n, k), as when legs strike the ground. They then
+    lie on the straight lines through the rows before and after, within half the limit. A spike is off both."""
     before, after = values[max(first - WIDEST, 0):first], values[end:end + WIDEST]
     if len(before) < WIDEST or len(after) < WIDEST:
         return False

@@ -1,5 +1,5 @@
-"""Tracked positions without the jumps of ``faults.mocap_jump``, for what only asks how high above the ground it was:
-needs nothing but the positions, so that the search for jumps can itself ask when the vehicle flew."""
+"""Tracked positions without the jumps of ``faults.mocap_jump``, for checks that need only the height above the ground.
+It needs only the positions, so the search for jumps can use it to find when the vehicle flew."""
 
 from __future__ import annotations
 
@@ -14,8 +14,11 @@ SIDE = count("audit.step_removal.side")
 
 
 def steps(time_s: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """rows (m,) i; offset (m, k) m of the step from frame i to i + 1 beyond the mean velocity of the SIDE frames on
-    either side; limit (m,) m of what a vehicle does. position: (n, k)."""
+    """Steps between frames of position (n, k).
+
+    - rows (m,): i.
+    - offset (m, k) m: the step from frame i to i + 1 beyond the mean velocity of the SIDE frames on either side.
+    - limit (m,) m: what a vehicle can do."""
     i = np.arange(SIDE, len(time_s) - SIDE - 1)
     before = (position[i] - position[i - SIDE]) / (time_s[i] - time_s[i - SIDE])[:, None]
     after = (position[i + 1 + SIDE] - position[i + 1]) / (time_s[i + 1 + SIDE] - time_s[i + 1])[:, None]

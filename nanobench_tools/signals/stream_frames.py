@@ -1,9 +1,10 @@
 """Streams whose axes are those of the convention turned as a whole: FRD for FLU, NED for ENU, quarter and half turns.
 
 A turn is a proper rotation that all vectors of a frame share. It is accepted where it explains the stream clearly
-better than its axes as stored, and where all clear evidence agrees with it: two axes that are clearly wrong, or one
-that clearly is another. It then also decides the sign of an axis that does not move, which the data of that axis cannot
-show. What no rotation explains (one negated column, two that changed places) is left to ``sign`` and ``axis_swap``.
+better than its axes as stored, and where all clear evidence agrees with it. Such evidence is two axes that are clearly
+wrong, or one that clearly is another. It then also decides the sign of an axis that does not move, which the data of
+that axis cannot show. Errors that no rotation explains (one negated column, two that changed places) are left to
+``sign`` and ``axis_swap``.
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ ALONE = number("audit.stream_frames.alone")
 
 @dataclass(frozen=True)
 class StreamTurn:
-    """``turn`` (3, 3) takes each of ``vectors`` of a stream, as stored, to the axes of the convention; why: what shows
-    it, in words."""
+    """``turn`` (3, 3) takes each of ``vectors`` of a stream, as stored, to the axes of the convention. ``why`` gives
+    the evidence in words."""
 
     stream: str
     vectors: tuple[tuple[str, ...], ...]
@@ -61,8 +62,9 @@ def stream_turns(context: Context) -> list[StreamTurn]:
 
 
 def pose_turn(context: Context) -> tuple[np.ndarray, np.ndarray, str]:
-    """(world, body, why): the rotations (3, 3) that take the tracked poses to the convention: z up, and headings as the
-    vehicle's own streams have them where these agree with each other; why is empty where nothing is turned."""
+    """(world, body, why): the rotations (3, 3) that take the tracked poses to the convention. That has z up, and
+    headings as in the vehicle's own streams where these agree with each other. ``why`` is empty where nothing is
+    turned."""
     frame = context.once(pose_frame)
     turns = {turn.vectors[0]: turn for turn in context.once(stream_turns) if turn.stream == "mocap"}
     world, body = frame.axes.world, frame.axes.body

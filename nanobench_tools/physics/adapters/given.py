@@ -1,4 +1,4 @@
-"""A simulator of somebody else's as a callable: what it is given, what it returns, and one line for every mistake.
+"""A callable as simulator: its inputs, its outputs, and a one-line message for every mistake.
 
     nanobench diagnose --data FLIGHTS --simulator my_simulator:accelerations
 
@@ -19,15 +19,16 @@
         torque -= np.cross(along.rate_rad_s, inertia * along.rate_rad_s)
         return force / 0.041, torque / inertia
 
-It is called once for every stretch of flight, with ``Along``, and returns (specific force in the body m/s^2 (n, 3),
-angular acceleration in the body rad/s^2 (n, 3)); specific force is what an accelerometer feels, +9.81 in z at hover. Or
-a dictionary of "specific_force_m_s2" or "acceleration_m_s2" (world, gravity in it), and "angular_acceleration_rad_s2".
-Motors that lag may be integrated over the rows of the stretch; nothing else has to be.
+It is called once for every stretch of flight, with ``Along``. It returns (specific force in the body m/s^2 (n, 3),
+angular acceleration in the body rad/s^2 (n, 3)). Specific force is the reading of an accelerometer, +9.81 in z at
+hover. Or a dictionary of "specific_force_m_s2" or "acceleration_m_s2" (world, gravity in it), and
+"angular_acceleration_rad_s2". Motors that lag may be integrated over the rows of the stretch; nothing else has to be.
 
-A class is made without arguments first. Its objects are callable in the same way, or have ``reset()``, called before
-every stretch, and ``step(row)``, called for its rows in order with an ``Along`` of one row without the axis n ((3,),
-(4,), floats), which returns the same for one row. ``vehicle`` (``nanobench_tools.physics.Vehicle``) of a callable says
-what it believes of mass and arms: from flights only thrust over mass is seen.
+A class is made without arguments first. Its objects are callable in the same way, or have ``reset()`` and
+``step(row)``. ``reset()`` is called before every stretch. ``step(row)`` is called for its rows in order with an
+``Along`` of one row without the axis n ((3,), (4,), floats), and returns the same for one row. ``vehicle``
+(``nanobench_tools.physics.Vehicle``) of a callable gives its mass and arms, because flights show only thrust over
+mass.
 """
 
 from __future__ import annotations
@@ -112,8 +113,8 @@ def load_simulator(text: str) -> Simulator:
         raise UsageError(f"--simulator {text}: no such file, and no adapter of that name; there are "
                          f"{', '.join(registry.names(GROUP))}; or give module:callable")
     if name.endswith(".py"):
-        raise UsageError(f"--simulator {text}: a module is given as {name[:-3].replace('/', '.')}:{argument}, from the "
-                         "folder it stands in")
+        raise UsageError(f"--simulator {text}: a module is given as {name[:-3].replace('/', '.')}:{argument}, from "
+                         "its folder")
     return wrapped(registry.load(GROUP, text), f"--simulator {text}")
 
 

@@ -89,8 +89,11 @@ class RotorPySimulator:
         return np.asarray(np.sqrt(np.maximum(np.stack(commanded, axis=-1), 0.0) / self.k_f))
 
     def rollout(self, start_state: np.ndarray, rotor_speeds: np.ndarray, dt_s: float) -> np.ndarray:
-        """start_state (13,) or (17,) in the order of ``model.STATE``, commanded speeds (n, 4) rad/s, each held for dt_s
-        -> states (n + 1, 17), the last four thrusts N of still air. Rotors that are not given have the first speed."""
+        """start_state (13,) or (17,) in the order of ``model.STATE``, commanded speeds (n, 4) rad/s, each held for
+        dt_s.
+
+        Returns states (n + 1, 17), the last four thrusts N of still air. Rotors that are not given have the first
+        speed."""
         start, commanded = np.asarray(start_state, float), np.asarray(rotor_speeds, float)
         if start.shape not in ((RIGID,), (len(STATE),)) or commanded.ndim != 2 or commanded.shape[1] != 4:
             raise InputError("rollout", f"start {start.shape}, rotor speeds {commanded.shape}",

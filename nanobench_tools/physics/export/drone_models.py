@@ -41,7 +41,7 @@ def section(model: Model, assumed: Assumed | None = None) -> tuple[dict[str, Any
     about = rotors(model, assumed or Assumed())
     arm = max(abs(x) for motor in model.vehicle.motor_positions_m for x in motor)
     if arm == 0.0:
-        raise InputError("model", "all motors stand in the centre", "give motor_positions_m")
+        raise InputError("model", "all motors are at the centre", "give motor_positions_m")
     used, minutes = dict(about.assumed), RAD_S_PER_RPM
     per_rpm = about.k_f * minutes**2, about.k_m * minutes**2
     hover_rpm = about.hover_rad_s / minutes

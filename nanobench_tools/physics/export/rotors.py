@@ -23,9 +23,9 @@ RAD_S_PER_RPM = math.pi / 30.0
 class Assumed:
     """What a model may not hold and others ask for; every one that is used is written into the file.
 
-    battery_V: at which the greatest thrust is evaluated (default: nominal voltage of a LiPo cell). k_f [N s^2/rad^2]:
-    of a model without rotor speeds; it only gives their scale (default: Crazyflie of RotorPy). thrust_to_weight: of a
-    model whose input is a rotor speed without a limit.
+    - battery_V: at which the greatest thrust is evaluated (default: nominal voltage of a LiPo cell).
+    - k_f [N s^2/rad^2]: of a model without rotor speeds; it only gives their scale (default: Crazyflie of RotorPy).
+    - thrust_to_weight: of a model whose input is a rotor speed without a limit.
     """
 
     battery_V: float = 3.7

@@ -1,9 +1,9 @@
 """A model as URDF of gym-pybullet-drones: the elements and attributes its ``BaseAviary`` reads from assets/cf2x.urdf.
 
-Rotor speeds there are in RPM: T = kf RPM^2, yaw torque km RPM^2 with signs -, +, -, + of propellers 0..3, which are
+Rotor speeds there are in RPM. T = kf RPM^2, yaw torque km RPM^2 with signs -, +, -, + of propellers 0..3, which are
 motors 1..4. ``Physics.PYB`` and those that add to it push at the propellers' links; ``Physics.DYN`` uses ``arm`` and a
-square frame. Ground effect is T gnd_eff_coeff (prop_radius / (4 z))^2, drag -drag_coeff sum(Omega) v with Omega in
-rad/s and v in the world. g is 9.8 m/s^2. Thrust follows at once.
+square frame. Ground effect is T gnd_eff_coeff (prop_radius / (4 z))^2. Drag is -drag_coeff sum(Omega) v with Omega in
+rad/s and v in the world. Gravity is 9.8 m/s^2. Thrust follows at once.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Centre of mass beside the centre of the motors."""
+"""Offset of the centre of mass from the centre of the motors."""
 
 from types import SimpleNamespace
 from typing import Any

@@ -27,7 +27,7 @@ TERM = Term(name="command_delay",
             parameters=(Parameter("delay_s", "s", 0.0, 0.2, TYPICAL_S, neutral=0.0,
                                   systematic=Systematic(SYSTEMATIC_S), search_start=SEARCH_START_S, fitted=FITTED,
                                   source="a prototype on NanoBench flights, which ones is not recorded: 20 ms "
-                                         "beside a first-order lag"),),
+                                         "together with a first-order lag"),),
             acts={Stage.INPUT_DELAY: delayed},
             confused_with={"motor_lag": "steps of the command logged faster than 100 Hz: a delay does nothing at first",
                            "clock_offset": "the audit's clock of the motor stream against the others"},

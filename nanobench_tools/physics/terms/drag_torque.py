@@ -20,8 +20,8 @@ def moment(torque: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> l
 
 TERM = Term(
     name="drag_torque",
-    sentence="Lateral air velocity tips the vehicle (flapping blades, drag above or below the centre of mass); real "
-             "ones have c < 0: the nose goes up against the wind.",
+    sentence="Lateral air velocity tips the vehicle (flapping blades, drag above or below the centre of mass). Real "
+             "vehicles have c < 0: the nose goes up against the wind.",
     equation="tau <- tau + c e3 x v_b, v_b air velocity",
     parameters=(Parameter("c", "N s", -2.0, 2.0, TYPICAL_N_S, systematic=AIR, grows="ml", fitted=FITTED,
                           source="a prototype on 54 NanoBench flights: 6-11 rad/s^2 per m/s of lateral velocity"),),

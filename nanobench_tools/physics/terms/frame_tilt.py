@@ -26,8 +26,8 @@ _SOURCE = "80 NanoBench flights, test flights among them: frame of the mocap aga
 
 TERM = Term(
     name="frame_tilt",
-    sentence="The body the tracking shows is rolled and pitched against the one that thrust acts along; drag is taken "
-             "along the tracked axes and the whole body force is turned.",
+    sentence="The tracked body is rolled and pitched against the one that thrust acts along. Drag is taken along the "
+             "tracked axes and the whole body force is turned.",
     equation="R <- R Rot_x(roll) Rot_y(pitch) for the body force",
     parameters=(Parameter("roll_rad", "rad", -0.5, 0.5, 0.0, source=_SOURCE, unidentifiable=(0,),
                           systematic=Systematic(SYSTEMATIC_RAD),

@@ -24,6 +24,6 @@ TERM = Term(
                           differs=DIFFERS, grows="m",
                           source="NanoBench paper: vehicle weighed with battery and markers"),),
     acts={Stage.MASS: mass},
-    confused_with={"thrust_scale": "a weighing: free flight shows T/m only; torque tells a little"},
+    confused_with={"thrust_scale": "a weighing: free flight shows T/m only; torque shows mass weakly"},
     level=True, changes=True, cause="weight",
 )

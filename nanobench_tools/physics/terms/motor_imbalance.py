@@ -37,7 +37,7 @@ TERM = Term(
                           source="NanoBench flights, which ones is not recorded: PWM of the four motors "
                                  "differs by 10 % in hover"),),
     acts={Stage.MOTOR_GAIN: imbalanced},
-    confused_with={"com_offset": "hover and strong climbs: both turn with thrust, but only an offset of the centre of "
-                                 "mass also turns with drag; yaw tells too, as only gains upset it"},
+    confused_with={"com_offset": "hover and strong climbs: both turn with thrust, but only an offset of the centre "
+                                 "of mass also turns with drag. Yaw helps too, as only gains upset it"},
     check=mean_is_one, changes=True, scatters=("g",), frame="per motor", cause="propeller",
 )

@@ -28,8 +28,8 @@ def moment(torque: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> l
 
 TERM = Term(
     name="rotor_gyro",
-    sentence="The angular momentum of the rotors resists turning their axis. spin is the sign of the yaw torque and "
-             "rotors turn against it, so real rotors have J_r < 0 in this sign.",
+    sentence="The angular momentum of the rotors resists turning their axis. Rotors turn against the yaw torque, "
+             "whose sign is spin, so real rotors have J_r < 0 in this sign.",
     equation="tau <- tau - w x J_r sum_i(spin_i Omega_i) e3",
     parameters=(Parameter("J_r", "kg m^2", -1e-2, 1e-2, -2e-8, systematic=NOTHING, grows="mll", fitted=fitted,
                           source="propeller and bell, 0.4 g at 7 mm radius of gyration; sign see sentence"),),

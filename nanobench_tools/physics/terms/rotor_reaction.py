@@ -36,5 +36,5 @@ TERM = Term(
     acts={Stage.TORQUE: moment},
     confused_with={"yaw_torque": "slow yaw: only drag acts there", "motor_lag": "roll and pitch, where nothing leads"},
     needs=("thrust_rpm",),
-    not_asked="is told from yaw torque by logs faster than the motors only (nanobench motors)",
+    not_asked="is separated from yaw torque only by logs faster than the motors (nanobench motors)",
 )

@@ -1,8 +1,8 @@
-"""A load on a string. A model of terms carries what the load does below the frequency of its swing: it hangs under its
-knot and comes along, as a weight there would. The swing itself has two more states than a model; ``pendulum.swing``
-integrates it beside one, and a diagnosis looks for it as a force that comes and goes
-(``identification/mismatch/steady/periodic.py``). No fit can tell the length from flights that are evaluated without the
-swing: there is no neutral length, and the term is not searched for among the causes of a residual.
+"""A load on a string. A model of terms describes the load below the frequency of its swing. There it hangs under its
+knot and moves along, as a weight there would. The swing itself has two more states than a model; ``pendulum.swing``
+integrates it in addition to a model. A diagnosis looks for it as a force that comes and goes
+(``identification/mismatch/steady/periodic.py``). A fit cannot identify the length from flights that are evaluated
+without the swing. There is no neutral length, so the term is not searched for among the causes of a residual.
 """
 
 from types import SimpleNamespace
@@ -26,8 +26,8 @@ def moment(torque: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> l
 TERM = Term(
     name="slung_load",
     sentence="A load m on a string of length l, knotted at r, weighs there, and swings at some sqrt(g / l) / 2 pi.",
-    equation="M <- M + m; tau <- tau - m / (M + m) r x F_b; beside it s'' = -(g / l) s - 2 zeta sqrt(g / l) s' "
-             "- a_knot, F <- F + m g s / l",
+    equation="M <- M + m; tau <- tau - m / (M + m) r x F_b; in addition s'' = -(g / l) s - 2 zeta sqrt(g / l) s' - "
+             "a_knot, F <- F + m g s / l",
     parameters=(
         Parameter("m_kg", "kg", 0.0, 1.0, 0.004, systematic=NOTHING,
                   source="CrazyPAD: a few grams on a thread of 0.63 m"),

@@ -13,7 +13,7 @@ def thrust(inputs: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> C
 
 
 TERM = Term(name="thrust_pwm",
-            sentence="Each motor's thrust is a polynomial of its PWM ratio, whatever the battery gives.",
+            sentence="Each motor's thrust is a polynomial of its PWM ratio, independent of the battery.",
             equation="T_i = sum_k c_k u_i^k",
             parameters=(Parameter("c", "N", -500.0, 500.0, (0.0, 0.02, 0.14), neutral=None, length=None,
                                   systematic=NOTHING, grows="m",

@@ -27,7 +27,7 @@ TERM = Term(
     confused_with={"force_world": "two headings with unequal drag along x and y, or two speeds with quadratic drag",
                    "frame_tilt": "two headings: a tilt turns with the vehicle, wind does not"},
     changes=True, of_air=True, cause="wind",
-    left_out={"RotorPy": "no parameter of the vehicle; give RotorPy ConstantWind, as the adapter does from wind_m_s "
-                         "beside them", "first_principles": "their drag takes the velocity over ground"},
+    left_out={"RotorPy": "no parameter of the vehicle; give RotorPy ConstantWind, as the adapter does from "
+                         "wind_m_s", "first_principles": "their drag takes the velocity over ground"},
     needs=("drag_linear", "drag_rotor", "drag_quadratic", "drag_torque"),
 )
