@@ -66,7 +66,10 @@ def _name(draft: Draft, table: Table, path: Path) -> None:
             draft.unknown[column] = f"{known.what} ({title})"
         elif key not in draft.mapped:
             unit = stated[column] if stated[column] in allowed_units(*key) else known.unit
-            draft.mapped[key] = Drafted(column, unit, "known", title, int(known.sign), known.offset)
+            draft.mapped[key] = Drafted(column, unit, "known", title, int(known.sign), known.offset, known.invalid)
+            if known.invalid is not None:
+                cells = table.values[column]
+                table.values[column] = np.where(cells == known.invalid, np.nan, cells)
             if known.frame:
                 draft.frames[known.stream] = known.frame
     left = [c for c in names if c not in draft.unknown and c not in {d.column for d in draft.mapped.values()}]

@@ -17,7 +17,8 @@ Key = tuple[str, str]
 TIME: Key = ("", "time")
 @dataclass(frozen=True)
 class Drafted:
-    """One column of the map. ``status``: known, shown or assumed; ``why``: the evidence in words."""
+    """One column of the map. ``status``: known, shown or assumed; ``why``: the evidence in words; ``invalid``: the cell
+    that means no reading."""
 
     column: str
     unit: str
@@ -25,6 +26,7 @@ class Drafted:
     why: str = ""
     sign: int = 1
     offset: float = 0.0
+    invalid: float | None = None
 
 
 @dataclass
@@ -94,6 +96,7 @@ def as_toml(path: Path, draft: Draft) -> str:
     def entry(d: Drafted) -> str:
         parts = [f"column = {quoted(d.column)}", f"unit = {quoted(d.unit)}"]
         parts += ["sign = -1"] * (d.sign < 0) + [f"offset = {d.offset}"] * bool(d.offset)
+        parts += [] if d.invalid is None else [f"invalid = {d.invalid:g}"]
         parts += ["assumed = true"] * (d.status == "assumed")
         return f"{{{', '.join(parts)}}}"
 

@@ -44,6 +44,7 @@ MESSAGE_TIME = "header.stamp"
 DATES = "iso8601"
 """Unit of a time column of dates: 2026-03-01T12:00:00.020Z."""
 
+ENTRY_KEYS = ("column", "index", "unit", "sign", "offset", "assumed", "invalid")
 PWM_UNITS = ("1", "pwm16", "%", "pulse_us")
 PWM_STREAMS = frozenset({"motor", "motor_request", "command"})
 FORCE_UNITS = UNITS["N"]
@@ -54,7 +55,8 @@ FORCE_UNITS = UNITS["N"]
 class Entry:
     """One quantity: ``value_SI = sign * to_si(cell, unit) + offset`` (or of the cell's element ``index``).
 
-    ``assumed``: nothing shows the unit; ``other_si``: SI unit of the value where it is not the vocabulary's.
+    ``assumed``: nothing shows the unit; ``invalid``: the cell that means no reading; ``other_si``: SI unit of the value
+    where it is not the vocabulary's.
     """
 
     stream: str
@@ -65,10 +67,13 @@ class Entry:
     sign: float = 1.0
     offset: float = 0.0
     assumed: bool = False
+    invalid: float | None = None
     other_si: str = ""
 
     def to_si(self, cells: np.ndarray) -> np.ndarray:
-        """(n,) cells as found -> SI."""
+        """(n,) cells as found -> SI, NaN where there is no reading."""
+        if self.invalid is not None:
+            cells = np.where(cells == self.invalid, np.nan, cells)
         return self.sign * to_si(cells, self.unit) + self.offset
 
     @property
@@ -247,10 +252,10 @@ def _entry(reader: _Reader, key: str, stream: str, quantity: str, what: object, 
     if not isinstance(what, Mapping):
         raise reader.fail(key, f"{what!r} where a table belongs", 'write {column = "..."}')
     for name in what:
-        if name not in ("column", "index", "unit", "sign", "offset", "assumed"):
-            raise reader.fail(f"{key}.{name}", "unknown key", "known: column, index, unit, sign, offset, assumed")
+        if name not in ENTRY_KEYS:
+            raise reader.fail(f"{key}.{name}", "unknown key", f"known: {', '.join(ENTRY_KEYS)}")
     column, index, sign = what.get("column"), what.get("index"), what.get("sign", 1)
-    offset, assumed = what.get("offset", 0.0), what.get("assumed", False)
+    offset, assumed, invalid = what.get("offset", 0.0), what.get("assumed", False), what.get("invalid")
     if not isinstance(column, str) or not column:
         raise reader.fail(key, "names no column", 'write column = "..."')
     if index is not None and (not isinstance(index, int) or isinstance(index, bool) or index < 0):
@@ -261,6 +266,8 @@ def _entry(reader: _Reader, key: str, stream: str, quantity: str, what: object, 
         raise reader.fail(f"{key}.offset", f"offset {offset!r}", "an offset is a number in SI, added last")
     if not isinstance(assumed, bool):
         raise reader.fail(f"{key}.assumed", f"assumed {assumed!r}", "write true or false")
+    if invalid is not None and (isinstance(invalid, bool) or not isinstance(invalid, int | float) or not stream):
+        raise reader.fail(f"{key}.invalid", f"invalid {invalid!r}", "a number as the table has it; a time has none")
     allowed = allowed_units(stream, quantity, si)
     unit = what.get("unit", allowed[0])
     if unit not in allowed:
@@ -268,7 +275,8 @@ def _entry(reader: _Reader, key: str, stream: str, quantity: str, what: object, 
     if stream == "motor" and unit == "rpm":
         stream = "rpm"
     other = "N" if stream == "command" and unit in FORCE_UNITS else ""
-    return Entry(stream, quantity, column, index, unit, float(sign), float(offset), assumed, other)
+    return Entry(stream, quantity, column, index, unit, float(sign), float(offset), assumed,
+                 None if invalid is None else float(invalid), other)
 
 
 def allowed_units(stream: str, quantity: str, si: str | None = None) -> tuple[str, ...]:

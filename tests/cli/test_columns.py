@@ -225,3 +225,16 @@ def test_names_of_an_ecosystem_in_other_spellings_and_topics(tmp_path, name, col
     assert key in draft.mapped
     assert sign in draft.text
     assert not frame or f'frame = "{frame}"' in draft.text
+
+
+def test_a_reading_that_means_none_is_missing_and_not_65535(tmp_path):
+    rows = ["timestamp,motor.m1_rpm,motor.m2_rpm,pm.vbat",
+            *(f"{10 * i},{65535 if i < 5 else 12000 + i},{12000 + i},3.9" for i in range(60))]
+    (tmp_path / "log.csv").write_text("\n".join(rows) + "\n")
+    draft = draft_columns(tmp_path / "log.csv")
+    (tmp_path / "map.toml").write_text(draft.text)
+    (flight,) = load_recordings([tmp_path / "log.csv"], columns=tmp_path / "map.toml", cache=False).flights
+    speed = flight["rpm"]["m1"]
+    assert np.isnan(speed[:5]).all()
+    np.testing.assert_allclose(speed[5:] * 60.0 / (2.0 * np.pi), 12000.0 + np.arange(5, 60))
+    assert np.isfinite(flight["rpm"]["m2"]).all()
