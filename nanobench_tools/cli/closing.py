@@ -29,7 +29,8 @@ def close(options: Options, result: str, why: str = "", *command: object, screen
     if options.silent:
         return
     width = screen_width()
-    tail = folded(one_line(result), width) if result else []
+    terminal = sys.stdout.isatty()
+    tail = [] if not result else folded(one_line(result), width) if terminal else [one_line(result)]
     if command:
         text = f"Next, {one_line(why)}: {one_line(shlex.join(map(str, command)))}"
         if len(text) > LONGEST_COMMAND and len(options.data) > 1:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -12,6 +13,12 @@ from ..steps.options import Options, one_line, write_lines
 from ..tables.result_table import Table
 from .closing import close
 from .shared_options import PATH, shared_options
+
+if TYPE_CHECKING:
+    from ..signals.draft import ColumnDraft
+
+MOST_LINES = 4
+"""Notes, and columns that are not guessed, on one screen."""
 
 
 @click.command()
@@ -23,7 +30,7 @@ def columns(options: Options, file: Path) -> int:
     Meanings come from names; units from names and numbers. Each unit is known, shown by the numbers, or assumed; where
     two are possible the command asks and leaves the columns out. What could not be guessed is a comment in the map.
     Check every line, then read the table with --columns MAP.toml.
-    --out MAP.toml writes it, without overwriting; else it is printed.
+    --out MAP.toml writes it, without overwriting; --verbose prints it; else a table shows what is in it.
     """
     from ..signals.column_draft import draft_columns
 
@@ -35,17 +42,9 @@ def columns(options: Options, file: Path) -> int:
             "columns": [{"stream": stream, "quantity": quantity, "column": column, "unit": unit,
                          "status": draft.status[column]}
                         for (stream, quantity), (column, unit) in draft.mapped.items()]}
-    target, written = "MAP.toml", options.out is not None
-    screen: list[Table | str] = []
-    if options.out is None and sys.stdout.isatty() and not options.verbose:
-        rows = [(stream or "time", "" if not stream else quantity, column, unit, draft.status[column])
-                for (stream, quantity), (column, unit) in draft.mapped.items()]
-        screen = [*draft.notes, *(f"question: {q}" for q in draft.questions),
-                  Table.plain(f"Drafted from {file.name}; --verbose prints the map",
-                              ("stream", "quantity", "column", "unit", "unit is"), rows)]
-    elif options.out is None and not options.silent:
-        write_lines(one_line_each(draft.text).splitlines())  # a line of a map is never folded
-    elif options.out is not None:
+    n, target = len(draft.mapped), "MAP.toml"
+    text = f"{n} of {n + len(draft.unknown)} columns mapped"
+    if options.out is not None:
         target = str(options.out)
         try:
             with open(options.out, "x", encoding="utf-8") as out:
@@ -54,21 +53,36 @@ def columns(options: Options, file: Path) -> int:
             raise InputError(target, "is there already", "give another name or remove it") from None
         except OSError as error:
             raise InputError(target, f"cannot be written ({error.strerror})", "give another place") from None
-        for note in draft.notes:
-            options.show(one_line(note))
-        for question in draft.questions:
-            options.show(one_line(f"question: {question}"))
-        for column, why in draft.unknown.items():
-            if why not in "".join(draft.questions):
-                options.show(one_line(f"not guessed: {column}: {why}"))
         options.out = None
-    n = len(draft.mapped)
-    text = f"{n} of {n + len(draft.unknown)} columns mapped"
-    if written:
-        close(options, text, "after a look at the units", "nanobench", "audit", file, "--columns", target)
-    else:
-        close(options, text, "keep the map", "nanobench", "columns", file, "--out", target, screen=screen)
+        close(options, text, "after a look at the units", "nanobench", "audit", file, "--columns", target,
+              screen=[*_said(draft, options.verbose), _table("", draft)])
+    elif not options.verbose:
+        close(options, text, "keep the map", "nanobench", "columns", file, "--out", target, screen=[
+            *_said(draft), _table(f"Drafted from {file.name}; --verbose prints the map", draft)])
+    elif not options.silent:  # stdout is the map alone, so that it can be redirected; its lines are never folded
+        write_lines(one_line_each(draft.text).splitlines())
+        options.say(f"{text}; keep the map: nanobench columns {file} --out {target}")
     return options.finish("columns", body)
+
+
+def _said(draft: ColumnDraft, every: bool = False) -> list[str]:
+    """Every question; notes and columns that were not guessed, the first ones unless ``every``."""
+    why = [f"not guessed: {column}: {why}" for column, why in draft.unknown.items()
+           if why not in "".join(draft.questions)]
+    return [*_first(draft.notes, "notes", every), *(one_line(f"question: {q}") for q in draft.questions),
+            *_first(why, "columns that are not guessed", every)]
+
+
+def _first(lines: Sequence[str], what: str, every: bool) -> list[str]:
+    shown = lines if every else lines[:MOST_LINES]
+    more = [f"... {len(lines) - len(shown)} more {what}: --verbose"] * (len(shown) < len(lines))
+    return [*map(one_line, shown), *more]
+
+
+def _table(title: str, draft: ColumnDraft) -> Table:
+    rows = [(stream or "time", "" if not stream else quantity, column, unit, draft.status[column])
+            for (stream, quantity), (column, unit) in draft.mapped.items()]
+    return Table.plain(title, ("stream", "quantity", "column", "unit", "unit is"), rows)
 
 
 def one_line_each(text: str) -> str:

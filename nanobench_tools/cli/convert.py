@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,7 @@ import click
 
 from ..errors import UsageError
 from ..steps.options import Options, one_line
+from ..tables.result_table import Table
 from .closing import close
 from .shared_options import shared_options
 
@@ -132,30 +133,40 @@ def _convert_simulator(options: Options, path: Path | None, to: str, mocap: Path
     given = replace(Assumed(), **{name: value for name, value in assumed.items() if value is not None})
     model = read_simulator(path)
     found = export_simulators(model, options.out, SIMULATORS if to == ALL else (to,), given)
-    for name, exported in found.items():
-        options.show(f"{name}: {', '.join(one_line(str(file)) for file in exported.files)}")
-        for line in exported.account.lines():
-            options.show(f"  {one_line(line)}")
-    at_hover = _hover(options, model, given.battery_V)
+    at_hover, said = _hover(model, given.battery_V)
     close(options, f"{path} written for {', '.join(found)} to {options.out}", "fly this vehicle, simulated",
-          "nanobench", "simulate", "--serve", "udp://127.0.0.1:19850", "--simulator", path)
+          "nanobench", "simulate", "--serve", "udp://127.0.0.1:19850", "--simulator", path,
+          screen=[_accounts(found), *said], detail=[*_accounts_in_full(found), *said])
     return options.finish("convert", {"to": to, "simulator": str(path), "hover": at_hover,
                                       **exported_body(found)})
 
 
-def _hover(options: Options, model: Model, battery_V: float) -> Hover | None:
-    """How the vehicle that was written hovers and turns, shown; None where it cannot hover."""
+def _accounts(found: Mapping[str, Exported]) -> Table:
+    """One row per simulator: the terms that it approximates or omits, and the numbers that were assumed."""
+    rows = [(name, *(", ".join(map(one_line, part)) or "-" for part in (
+        exported.account.approximated, exported.account.left_out, exported.account.assumed)))
+        for name, exported in found.items()]
+    return Table.plain("", ("simulator", "approximated", "LEFT OUT", "assumed"), rows)
+
+
+def _accounts_in_full(found: Mapping[str, Exported]) -> list[Table | str]:
+    """The files of each simulator, and a line for everything that is not the same in it."""
+    lines: list[Table | str] = []
+    for name, exported in found.items():
+        lines.append(f"{name}: {', '.join(one_line(str(file)) for file in exported.files)}")
+        lines += [f"  {one_line(line)}" for line in exported.account.lines()]
+    return lines
+
+
+def _hover(model: Model, battery_V: float) -> tuple[Hover | None, list[str]]:
+    """How the exported vehicle hovers and turns, and this in words; None where it cannot hover."""
     from ..physics.hover import doubts, hover
 
     try:
         found = hover(model, battery_V)
     except UsageError as error:
-        options.show(f"WARNING: {error}")
-        return None
-    options.show(found.sentence)
-    for line in doubts(model):
-        options.show(f"WARNING: {line}")
-    return found
+        return None, [f"WARNING: {error}"]
+    return found, [found.sentence, *(f"WARNING: {line}" for line in doubts(model))]
 
 
 def export_simulators(model: Model, folder: Path | None, targets: Sequence[str] = SIMULATORS,

@@ -12,6 +12,7 @@ import click
 from ..errors import UsageError
 from ..results.result import INLINE, OPTIONAL, Result
 from ..steps.options import Options, one_line
+from ..tables.result_table import Table
 from .closing import again, close
 from .fly_controllers import CONTROLLERS_HELP, pilot_for
 from .record import RecordBody, say_export, toc_cache
@@ -87,7 +88,6 @@ def fly(options: Options, controller: str, trajectory: str, speed: float | None,
 
 def _dry_run(options: Options, spec: PathSpec, pilot: Pilot, limits: Limits) -> int:
     import numpy as np
-    from rich.table import Table
 
     from ..radio.fly.checklist import check_plan
     from ..radio.fly.dry_run import rows
@@ -95,15 +95,14 @@ def _dry_run(options: Options, spec: PathSpec, pilot: Pilot, limits: Limits) -> 
 
     plan = Plan(spec, np.zeros(3), 0.0)
     check_plan(plan, limits)
-    table = Table(title=f"{pilot.name}, {spec.family}: what would be sent, every 0.5 s of 100 Hz")
-    for column in ("phase", "time s", "set-point"):
-        table.add_column(column, justify="right" if column == "time s" else "left", no_wrap=True)
     sent = rows(plan, pilot, 0.5)
-    for phase, time_s, text in sent:
-        table.add_row(phase, f"{time_s:.2f}", one_line(text))
-    options.show(table)
-    close(options, f"{len(sent)} set-points shown, nothing was sent", "a simulated vehicle to fly",
-          "nanobench", "simulate", "--serve", "udp://127.0.0.1:19850")
+    cells = [(phase, f"{time_s:.2f}", one_line(text)) for phase, time_s, text in sent]
+    first = [row for k, row in enumerate(cells) if not k or row[0] != cells[k - 1][0]]
+    title, heads = f"{pilot.name}, {spec.family}: what would be sent", ("phase", "time s", "set-point")
+    close(options, f"{len(sent)} set-points, every 0.5 s of 100 Hz; nothing was sent", "a simulated vehicle to fly",
+          "nanobench", "simulate", "--serve", "udp://127.0.0.1:19850",
+          screen=[Table.plain(f"{title}, first of each phase", heads, first)],
+          detail=[Table.plain(title, heads, cells)])
     return options.finish("fly", {"synthetic": True, "sent": [list(row) for row in sent]})
 
 

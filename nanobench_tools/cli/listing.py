@@ -109,34 +109,34 @@ LISTS: dict[str, dict[str, Callable[[], Names]]] = {
 """Verb -> what it takes names for -> the names."""
 
 
-def show_lists(verb: str) -> None:
-    """Prints the names of a verb, one line each; a terminal folds long ones."""
-    from ..steps.options import Options
+def show_lists(verb: str, verbose: bool = False) -> None:
+    """Prints the names of a verb, each with its sentence; the names alone where these do not fit one screen."""
+    from ..steps.options import Options, one_line, screen_height, screen_width
+    from ..tables.result_table import Table
+    from ..tables.terminal import lines_of
+    from .closing import PROMPT, close
 
-    options = Options()
-    for what, names in LISTS[verb].items():
-        options.show(_table(what, names()))
-
-
-def _table(what: str, names: Names) -> Any:
-    from rich.table import Table
-
-    from ..steps.options import one_line
-
-    table = Table(title=what, title_justify="left", box=None, show_header=False, pad_edge=False)
-    table.add_column(no_wrap=True)
-    table.add_column(overflow="fold")
-    for name, sentence in names.items():
-        table.add_row("  " + one_line(name), one_line(sentence))
-    return table
+    options = Options(verbose=verbose)
+    found = {what: names() for what, names in LISTS[verb].items()}
+    tables = [Table.plain(what, ("", ""), [("  " + one_line(name), one_line(text)) for name, text in names.items()])
+              for what, names in found.items()]
+    lines = sum(len(lines_of(table, screen_width())) for table in tables)
+    if verbose or lines <= screen_height() - PROMPT:
+        for table in tables:
+            options.show(table)
+        return
+    names_alone = [Table.plain("", ("", ""), [(what, one_line(", ".join(names))) for what, names in found.items()])]
+    close(options, "", "with a sentence each", "nanobench", verb, "--list", "--verbose", screen=names_alone)
 
 
 def list_option(verb: str) -> click.Option:
-    """``--list`` of a verb: prints and ends, and ignores all other options."""
+    """``--list`` of a verb: prints and ends, and ignores all other options but ``--verbose``."""
+    from .closing import WORDS
+
     def shown(context: click.Context, parameter: click.Parameter, wanted: bool) -> None:
         if wanted and not context.resilient_parsing:
-            show_lists(verb)
+            show_lists(verb, "--verbose" in context.meta.get(WORDS, ()))
             context.exit()
 
     return click.Option(["--list"], is_flag=True, is_eager=True, expose_value=False, callback=shown,
-                        help=f"The names there are for {', '.join(LISTS[verb])}, each with a sentence.")
+                        help=f"The names there are for {', '.join(LISTS[verb])}, with --verbose each with a sentence.")

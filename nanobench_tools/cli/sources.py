@@ -7,6 +7,7 @@ import inspect
 import click
 
 from ..steps.options import Options, one_line
+from ..tables.result_table import Table
 from .closing import close
 from .shared_options import shared_options
 
@@ -30,23 +31,16 @@ def sources(options: Options) -> int:
 
     A file is recognised by its content, not by its name.
     """
-    from rich import box
-    from rich.table import Table
-
     from ..lookup.registry import load_all
     from ..sources.discover import default_data
 
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for name in ("source", "format", "good for"):
-        table.add_column(name, overflow="fold", no_wrap=name == "source")
     found = dict(GOOD_FOR)
     for name, kind in load_all("sources").items():
         if name not in found:
             found[name] = (((inspect.getdoc(kind) or "").splitlines() or [""])[0], "see its package")
-    for name, (what, use) in found.items():
-        table.add_row(one_line(name), one_line(what), one_line(use))
-    options.show(table)
+    table = Table.plain("", ("source", "format", "good for"), [
+        (one_line(name), one_line(what), one_line(use)) for name, (what, use) in found.items()])
     close(options, f"{len(found)} formats", *(("what is in yours", "nanobench", "audit") if default_data() else (
-        "recordings to try", "nanobench", "simulate", "--flights", "3", "--out", "practice")))
+        "recordings to try", "nanobench", "simulate", "--flights", "3", "--out", "practice")), screen=[table])
     return options.finish("sources", {"sources": [{"source": name, "format": what, "good_for": use}
                                                   for name, (what, use) in found.items()]})

@@ -125,7 +125,8 @@ class Options:
         self.flights += flights
         self.failed += failed
         elapsed = time.perf_counter() - before
-        self.say(f"{_kinds(flights)} from {where} in {elapsed:.1f} s"
+        first = f"{places[0]}{f' and {len(places) - 1} more' if len(places) > 1 else ''}"
+        self.say(f"{_kinds(flights)} from {first} in {elapsed:.1f} s"
                  + (f", {len(failed)} files failed" if failed else ""))
         of_bags = [line for flight in flights if flight.metadata.get("topics") for line in _topics(flight)]
         for line in of_bags[:MOST_TOPICS]:
@@ -250,14 +251,15 @@ class Options:
 
     def show(self, part: Any, most: int | None = None) -> None:
         """Print a table (ours or rich's) or a text on stdout, unless ``--quiet`` or ``--json -``; at most ``most``
-        lines of a table of ours. In a file or pipe a row or a text is one line of any width. A closed pipe (head,
-        less) does not stop the work."""
+        lines of a table of ours. In a file or pipe a text is one line of any width, and with ``--verbose`` a row is
+        one, too. A closed pipe (head, less) does not stop the work."""
         if self.silent or part == "" or (isinstance(part, Table) and not part.rows):
             return
         if isinstance(part, str):
-            write_lines(folded(CONTROL.sub(" ", part), screen_width()))
+            write_lines(folded(CONTROL.sub(" ", part), screen_width() if sys.stdout.isatty() else UNBOUNDED))
         elif isinstance(part, Table):
-            write_lines(lines_of(part, screen_width(), self.verbose, most))
+            width = UNBOUNDED if self.verbose and not sys.stdout.isatty() else screen_width()
+            write_lines(lines_of(part, width, self.verbose, most))
         else:
             write_lines(_rich_lines(part))
 
@@ -268,8 +270,8 @@ class Options:
 
 
 def screen_width() -> int:
-    """Columns of the terminal; without bound where stdout is a file or a pipe."""
-    return shutil.get_terminal_size().columns if sys.stdout.isatty() else UNBOUNDED
+    """Columns of the terminal; $COLUMNS or 80 where stdout is a file or a pipe."""
+    return shutil.get_terminal_size().columns
 
 
 def screen_height() -> int:

@@ -32,6 +32,10 @@ def test_all_simulators_at_once(nanobench, simulator, tmp_path):
     out = tmp_path / "out"
     code, shown, err = nanobench("convert", simulator, "--to", ALL, "--out", out, "--battery", 3.9)
     assert (code, err) == (0, "")
+    assert len(shown.splitlines()) < 24
+    (urdf,) = [line for line in shown.splitlines() if line.startswith("urdf")]
+    assert "motor_lag" in urdf
+    shown = nanobench("convert", simulator, "--to", ALL, "--out", out, "--battery", 3.9, "--verbose")[1]
     assert "urdf:" in shown
     assert "LEFT OUT: motor_lag" in shown
     assert "assumed: battery_V: 3.9 V" in shown

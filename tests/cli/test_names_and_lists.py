@@ -92,14 +92,18 @@ def test_lists_hold_what_the_verbs_take():
 
 @pytest.mark.parametrize("verb", LISTED)
 def test_a_list_has_a_line_with_a_sentence_for_every_name(nanobench, verb):
-    code, out, err = nanobench(verb, "--list")
+    code, out, err = nanobench(verb, "--list", "--verbose")
     assert (code, err) == (0, "")
     lines = out.splitlines()
-    titles = [line for line in lines if line and not line.startswith(" ")]
+    titles = [line for line in lines if " " not in line]
     assert titles == list(listing.LISTS[verb])
-    said = [line.split(maxsplit=1) for line in lines if line.startswith("  ")]
-    assert {name for name, _ in said} >= {name for group in listing.LISTS[verb].values() for name in group()}
+    said = [line.split(maxsplit=1) for line in lines if line not in titles]
+    names = {name for group in listing.LISTS[verb].values() for name in group()}
+    assert {name for name, _ in said} >= names
     assert all(sentence.endswith((".", '"')) and len(sentence) > 10 for _, sentence in said)
+    screen = nanobench(verb, "--list")[1]
+    assert len(screen.splitlines()) < 24
+    assert names <= set(screen.replace(",", " ").split())
     assert all(line == line.rstrip() for line in lines)
     assert "--list" in nanobench(verb, "--help")[1]
 

@@ -75,6 +75,17 @@ def test_in_a_pipe_a_row_is_a_line_without_padding(shown):
     assert "\x1b" not in text
     assert len([line for line in text.splitlines() if line.startswith("B9")]) == 3
     assert all(line == line.rstrip() for line in text.splitlines())
+    assert max(map(len, text.splitlines())) <= 80
+    every = shown(lambda: Options(verbose=True).show(table()), None).splitlines()
+    assert sum(line.endswith(SENTENCES[-1]) for line in every) == 3
+
+
+def test_in_a_pipe_sentences_stay_whole_and_count_as_lines_of_80_columns(shown):
+    note = " ".join(["a sentence that is longer than the screen is wide"] * 8)
+    lines = shown(lambda: close(Options(), "3 fine", "next", "nanobench", "audit", screen=[table(102), note]),
+                  None).splitlines()
+    assert note in lines
+    assert sum(-(-len(line) // 80) for line in lines) < 24
 
 
 @pytest.mark.parametrize("columns", [40, 80, 200, None])
