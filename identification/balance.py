@@ -1,15 +1,15 @@
 """A vehicle to close loops with, from slow balances of force and moment along recordings.
 
-The grey-box fit predicts windows and learns what the flight controller hides from it: reactions to the motors come out
-small, the reaction in yaw vanishes, and such a model does not fly behind the firmware. A closed loop needs the ruler
-to be the motors themselves. Below CUTOFF_HZ what they push is what is felt:
+The grey-box fit predicts windows and learns what the flight controller hides from it. Its reactions to the motors are
+too small and its reaction in yaw vanishes, so such a model does not fly behind the firmware. A closed loop needs the
+ruler to be the motors themselves. Below CUTOFF_HZ what they push is what is felt:
 
     m a_z = s sum T_i        m a_x = -d_x v_x, m a_y = -d_y v_y          (accelerometer, body)
     M_x = J_x dw_x/dt + d_r w_x + c v_y        M_y = J_y dw_y/dt + d_r w_y - c v_x    (moments of the motors, body)
 
 T_i: the firmware's thrust curve of logged PWM and battery, behind the motors' lag. Constants of a flight (trim, bias)
-are taken out flight by flight. Vertical drag cannot be distinguished from the
-thrust and is left out; lag, yaw moment and the ratio of inertias are not seen slowly, their sources are below.
+are taken out flight by flight. Vertical drag cannot be distinguished from the thrust and is left out. Slow motion does
+not identify lag, yaw moment and the ratio of inertias; their sources are below.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ BALANCES, WIDTH = 5, 3
 
 @dataclass(frozen=True)
 class Balance:
-    """The model and ``draws`` (k, P) of its flat vector, sessions and then flights drawn with replacement; how much of
-    the moments (x, y) is explained, and by how many flights."""
+    """The model and ``draws`` (k, P) of its flat vector, sessions and then flights drawn with replacement. Also the
+    explained share of the moments (x, y), and the number of flights used."""
 
     model: Model
     draws: np.ndarray

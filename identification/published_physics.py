@@ -1,15 +1,16 @@
 """The rigid-body baseline of the published Task 1, with its published parameters.
 
-Equations: dv/dt = R e3 T/m - g e3, dp/dt = v, the body rate is held, T = min(k_t sum Omega_i^2, ratio m g), thrust
-along body z, no drag; Runge-Kutta 4 at the step of the rows, inputs held over a step. Sources: NanoBench (arXiv
-2603.09908) for m = 0.04085 kg; its code base (Busetto et al. 2025) for k_t = 3.72e-8 N s^2 and ratio = 2.0.
+Equations: dv/dt = R e3 T/m - g e3, dp/dt = v, the body rate is constant. Thrust is T = min(k_t sum Omega_i^2, ratio m
+g) along body z, without drag; Runge-Kutta 4 at the step of the rows, inputs held over a step. Source of m = 0.04085
+kg: NanoBench (arXiv 2603.09908). Source of k_t = 3.72e-8 N s^2 and ratio = 2.0: its code base (Busetto et al. 2025).
 
 How PWM became rotor speed is not published. Here Omega = OMEGA_FULL u, 25,000 rpm at full duty. Then k_t sum Omega^2
-is 1.8 m g on average and above 1.5 m g in 96 % of airborne rows (53 flights): with the thrust-to-weight ratio 1.5 that
-the paper states (0.6 N) the limit nearly always acts, so the mapping hardly matters, and the errors agree with the
+is 1.8 m g on average and above 1.5 m g in 96 % of airborne rows (53 flights). With the thrust-to-weight ratio 1.5 that
+the paper states (0.6 N), the limit nearly always acts, so the mapping hardly matters. The errors agree with the
 published row to 5 % in velocity and 8 % in position. With ratio 2.0, as released, the limit acts in 15 % of rows, the
 mapping decides, and the errors are 1.5 times the published ones. ``published_physics`` is the one that agrees,
-``published_physics_ratio2`` the one with the parameters as released. Either way the vehicle of the model is too strong.
+``published_physics_ratio2`` the one with the parameters as released. Either way the vehicle of the model is too
+strong.
 """
 
 from __future__ import annotations

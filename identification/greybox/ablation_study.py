@@ -38,10 +38,11 @@ PHYSICAL_NOTE = ("The exported file has the mean trim of the training flights. W
 GIVEN = ("mass {mass_g:.4g} g, {arm_mm:.3g} mm from the centre to each motor, motor order and turning directions: "
          "flights do not show them")
 NOTES = {"none": "",
-         "inputs": "It holds the mean thrust and trim of the training flights; the row it is made from sets both, the "
-                   "tilt, and corrects rate and rotors at the start, from the half second of inputs before each window",
-         "past": "It holds the mean thrust and trim of the training flights; the row it is made from learns them, the "
-                 "tilt, and corrections of rate and rotors at the start, from the two seconds before each window"}
+         "inputs": "It keeps the mean thrust and trim of the training flights. The row it is made from sets both and "
+                   "the tilt, and corrects rate and rotors at the start, from the half second of inputs before each "
+                   "window",
+         "past": "It keeps the mean thrust and trim of the training flights. The row it is made from learns them, "
+                 "the tilt, and corrections of rate and rotors at the start, from the two seconds before each window"}
 
 
 def rungs(names: Sequence[str] | None = None) -> list[Rung]:
@@ -51,7 +52,7 @@ def rungs(names: Sequence[str] | None = None) -> list[Rung]:
 
 @dataclass(frozen=True, repr=False)
 class Gains(Result):
-    """What is learnt for starts of one kind: as of ``GreyBoxPredictor``."""
+    """Learned parameters for starts of one kind: as of ``GreyBoxPredictor``."""
 
     gains: np.ndarray | None
 
@@ -70,8 +71,8 @@ class Made(Result):
 @dataclass(frozen=True, repr=False)
 class FittedRung(Result):
     """One rung fitted. ``simulator``: terms of the vehicle that is the same in every window; ``uses``: its sentence;
-    ``backward``: what is set per window, learnt for starts that look back only, if asked for (None where nothing is
-    set); ``physical``: as of ``Rung``."""
+    ``backward``: per-window values learned for starts that look back only, if requested (None without per-window
+    values); ``physical``: as of ``Rung``."""
 
     predictor: Made
     simulator: Terms
@@ -95,7 +96,7 @@ def fit_together(cases: Sequence[Case], rungs: Sequence[Rung], seed: int, vehicl
     """``fit_item``, by name, of rungs with the same terms, which differ in what is set per window.
 
     Their parameters are searched once. ``windows``: about how many are fitted to. ``judged``, ``sessions``: as of
-    ``GreyBox``. ``backward``: what is set per window is also learnt for starts that look back only. ``priors``: the
+    ``GreyBox``. ``backward``: per-window values are also learned for starts that look back only. ``priors``: the
     user's file, for a physical vehicle.
     """
     found: dict[str, FittedRung] = {}

@@ -1,9 +1,10 @@
 """Features of class ``state``: was the vehicle in balance on the inputs of the half second before the start?
 
 A vehicle that neither tumbles nor falls has, on average, motors that balance its weight, its trim and the moment of
-the air. So the mean moments and thrust that the model gives to the inputs before the start, beside the velocity,
-attitude and rate at the start, tell the trim of this vehicle today. The newest inputs also tell what the vehicle did
-just before, because somebody answered it with them. Only inputs up to the start and the start state are used.
+the air. So the current trim of this vehicle follows from the mean moments and thrust that the model gives to the
+inputs before the start. Velocity, attitude and rate at the start help, too. The newest inputs also reflect the motion
+just before, because a controller or pilot answered it with them. Only inputs up to the start and the start state are
+used.
 """
 
 from __future__ import annotations

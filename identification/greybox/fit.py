@@ -44,13 +44,17 @@ EVERY_S = 0.1
 class GreyBox:
     """A model of physical ``terms`` (names, or names with values to start from), fitted to what it predicts.
 
-    adapt: ``none``, a model of constant parameters; ``inputs``: thrust, trim, tilt and corrections of the start of each
-    window follow from the inputs of the half second before it (class ``state``); ``past``: from all streams of the two
-    seconds before (class ``past``). vehicle: what scale and ruler say. Nuisances of training flights are only used
-    where ``adapt`` is not ``none``; a test flight never has any. seed: of the bootstrap. soft: priors in place of those
-    for the same parameters. hold: terms that stay as they are. judged: with intervals, what the flights do not tell,
-    and whether the model flies; a fit that only predicts needs none of them. sessions {flight: label}: intervals draw
-    sessions, then flights within them; without it ``fit`` finds them by the flights' dates.
+    adapt: ``none``, a model of constant parameters; ``inputs``: thrust, trim, tilt and corrections of the start of
+    each window follow from the inputs of the half second before it. These models have class ``state``; ``past``: from
+    all streams of the two seconds before (class ``past``). vehicle: what scale and ruler say. Nuisances of training
+    flights are used only where ``adapt`` is not ``none``; a test flight never has any.
+    - seed: of the bootstrap.
+    - soft: priors in place of those for the same parameters.
+    - hold: terms that are not fitted.
+    - judged: with intervals, parameters that the flights do not identify, and whether the model flies; a fit that only
+      predicts needs none of them.
+    - sessions {flight: label}: intervals draw sessions, then flights within them; without it ``fit`` finds them by the
+      flights' dates.
 
     >>> GreyBox(terms=["thrust_voltage", "motor_lag", "drag_linear"]).terms["motor_lag"]
     {'tau_up_s': 0.03, 'tau_down_s': 0.04}
@@ -86,8 +90,8 @@ class GreyBox:
         return self.fit_cuts(cut(cases, past=self.adapt == "past"))
 
     def fit_cuts(self, cuts: Sequence[Cut], like: GreyBox | None = None) -> GreyBox:
-        """The same from existing windows. ``like``: a model with the same terms that was fitted to the same windows;
-        its parameters are reused, and only the per-window values are learnt again."""
+        """The same from existing windows. ``like``: a model with the same terms that was fitted to the same windows.
+        Its parameters are reused, and only the per-window values are learned again."""
         data = gather(cuts)
         nuisances = () if self.adapt == "none" else (SCALE, *TRIMS)
         model = Model(self.vehicle, {**terms_of(nuisances_of(self.adapt)), **cast("Terms", self.terms)})

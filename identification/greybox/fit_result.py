@@ -39,7 +39,7 @@ class FitResult(Result):
         return not self.trouble
 
     def summary(self) -> str:
-        """Parameters with units and intervals, and all that has to be said beside them."""
+        """Parameters with units and intervals, and all caveats."""
         wide = max(map(len, self.parameters), default=0)
         lines = [f"{self.name}: {self.n_windows} windows of {self.n_flights} flights"
                  + f", {self.steps} steps" * bool(self.steps)]
@@ -50,7 +50,7 @@ class FitResult(Result):
                 "  prior" if entry.prior_share == 1.0 else f"  prior {100.0 * entry.prior_share:.0f} %")
             lines.append(f"  {name:<{wide}}  {entry.value:>11.5g}{between}  {entry.unit}{share}")
         if self.n_flights < 3:
-            lines.append(f"  no intervals: {self.n_flights} flight(s) tell nothing about how flights differ")
+            lines.append(f"  no intervals: {self.n_flights} flight(s) cannot show how flights differ")
         lines += [f"  prior: {text}" for text in self.priors]
         lines += [f"  assumed: {text}" for text in self.assumed]
         lines += [f"  random effect of every training flight: {text}" for text in self.nuisances]

@@ -56,7 +56,7 @@ def cut(cases: Sequence[Case], truth: str = "onboard", past: bool = False, thin:
 
 
 def mean_errors(predict: Callable[[Windows], Prediction], cuts: Sequence[Cut]) -> dict[str, dict[str, float]]:
-    """Task 1 errors {metric: {"1", "10", "50", "sum"}} over all windows of ``cuts``. UsageError where there is none."""
+    """Task 1 errors {metric: {"1", "10", "50", "sum"}} over all windows of ``cuts``. UsageError without windows."""
     sums: dict[str, np.ndarray] = {}
     for c in cuts:
         for name, error in window_errors(predict(c.windows), c.came).items():
@@ -68,7 +68,7 @@ def mean_errors(predict: Callable[[Windows], Prediction], cuts: Sequence[Cut]) -
 
 
 def gather(cuts: Sequence[Cut], place: str = "training flights") -> FitWindows:
-    """The windows of all flights end to end. InputError where they cannot tell anything."""
+    """The windows of all flights end to end. InputError where they contain no information."""
     if not cuts or not any(len(c.windows) for c in cuts):
         raise InputError(place, f"no flight with {', '.join(SYSID)} streams and half a second of clean flight",
                          "nanobench audit says what each recording lacks")

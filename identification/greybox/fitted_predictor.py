@@ -26,10 +26,10 @@ from .symmetry import Features
 
 @dataclass(frozen=True)
 class GreyBoxPredictor:
-    """``adapt`` none: the model as it is. ``inputs``: thrust, trim, tilt, and how the start is corrected, follow from
-    the inputs of the half second before a window and the start state, class ``state``. ``past``: from all streams
-    before it. ``gains`` (N, F + 1): nuisances from features and a constant; ``scale`` (K, 4): usual errors on the
-    training flights."""
+    """``adapt`` none: the model as it is. ``inputs``: thrust, trim, tilt and the corrections of the start, from the
+    inputs of the half second before a window and the start state. Class ``state``. ``past``: from all streams before
+    it. ``gains`` (N, F + 1): nuisances from features and a constant; ``scale`` (K, 4): usual errors on the training
+    flights."""
 
     name: str
     terms: Mapping[str, Mapping[str, Any]]
@@ -95,7 +95,7 @@ def start_of(windows: Windows) -> np.ndarray:
 
 
 def past_inputs(windows: Windows) -> tuple[np.ndarray, np.ndarray]:
-    """Inputs before the start; the first row of the window where there are none."""
+    """Inputs before the start; the first row of the window if they are missing."""
     if windows.motor_past is None or windows.battery_past is None:
         return windows.motor[:, :1], windows.battery_V[:, :1]
     return windows.motor_past, windows.battery_past

@@ -19,7 +19,7 @@ POSITION_GAIN = number("greybox.flyability.position_gain")
 VELOCITY_GAIN = number("greybox.flyability.velocity_gain")
 ATTITUDE_GAINS: tuple[tuple[float, float], ...] = setting("greybox.flyability.attitude_gains")
 """(attitude 1/s^2, rate 1/s): a slow loop for vehicles with 0.1 s of delay and lag, and a fast one for those that the
-air tips over in motion. A vehicle flies if either holds it."""
+air tips over when they move. A vehicle flies if either holds it."""
 NEAR_M = number("greybox.flyability.near_m")
 NEAR_RAD = number("greybox.flyability.near_rad")
 SLOW_M_S = number("greybox.flyability.slow_m_s")
@@ -33,8 +33,12 @@ LEVELS = 200
 
 @dataclass(frozen=True)
 class Flight:
-    """stable: a controller brings the model from off-set starts to the point; error_m at the end; hover_ratio: PWM that
-    holds the model over ``logged_hover``, the mean PWM ratio logged near hover, at the same voltage battery_V."""
+    """Whether a fitted model flies.
+
+    - stable: a controller brings the model from off-set starts to the point.
+    - error_m: at the end.
+    - hover_ratio: PWM that holds the model over ``logged_hover``, the mean PWM ratio logged near hover, at the same
+      voltage battery_V."""
 
     stable: bool
     error_m: float
@@ -72,7 +76,7 @@ def thrusts(model: Model, u: np.ndarray, battery_V: float) -> np.ndarray:
 
 
 def hover(model: Model, data: FitWindows) -> tuple[float, float, float]:
-    """(PWM the model needs over the mean PWM logged in windows that hover, that mean, their mean voltage V); of all
+    """(PWM the model needs over the mean PWM logged in windows that hover, that mean, their mean voltage V). Uses all
     windows in the air where few hover. Flights count alike, however many of their windows hover.
 
     The thrust needed is the mass times the measured acceleration against free fall, mean over each window.

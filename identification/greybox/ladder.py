@@ -27,9 +27,13 @@ AIR_MOMENT: Terms = setting("greybox.ladder.air_moment")
 
 @dataclass(frozen=True)
 class Rung:
-    """name of the row; sentence what it adds; terms with where a fit starts; adapt: what is set per window
-    (``none``, ``inputs`` before the start, ``past``: all streams before the start); hold: terms that stay as they
-    are; physical: parameters are those of the vehicle (``identification.vehicle``), not those that predict best."""
+    """One row of the ablation.
+
+    - name: of the row; sentence: its addition.
+    - terms: with the start values of a fit.
+    - adapt: the per-window values (``none``, ``inputs`` before the start, ``past``: all streams before the start).
+    - hold: terms that are not fitted.
+    - physical: parameters are those of the vehicle (``identification.vehicle``), not those that predict best."""
 
     name: str
     sentence: str
@@ -48,8 +52,8 @@ FULL: Terms = {**THRUST, **LAG, **DRAG, **TURNING, **AIR_MOMENT}
 lower no error."""
 
 VEHICLE = Rung("fit_vehicle", "a physical vehicle: parameters from whole flights, priors where these cannot identify "
-               "them; thrust, trim, tilt and start follow from the inputs of the half second before", adapt="inputs",
-               physical=True)
+                              "them. Thrust, trim, tilt and start follow from the inputs of the half second before",
+               adapt="inputs", physical=True)
 BALANCED = Rung("fit_balanced", "full; thrust, trim, tilt and start follow from the inputs of the half second before",
                 FULL, "inputs")
 
@@ -67,4 +71,4 @@ LADDER = (
     *(Rung(f"fit_{name}", f"full + {name}", {**FULL, name: typical(term, Vehicle().rotors)})
       for name, term in added().items() if not term.is_map and name not in FULL),
 )
-"""The last ones: terms of other packages, each beside the full model."""
+"""The last ones: terms of other packages, each added to the full model."""

@@ -1,5 +1,5 @@
-"""What differs between flights of one vehicle, as directions through the parameters: a battery further left, a weaker
-propeller, a tracker that was put on askew; and what is known of a start only roughly, its rate and its rotors."""
+"""Differences between flights of one vehicle, as directions through the parameters: a battery further left, a weaker
+propeller, a misaligned tracker. Also the rate and the rotors at the start, which are known only roughly."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ STARTS = (
     Nuisance("rotors_yaw", _rotors(-1.0, 1.0, -1.0, 1.0), ROTOR_SD_N, "N",
              "rotors of one spin against the others, at the start", "yaw"),
 )
-"""Spreads: thrust over its map differs by 3 % between flights and a motor by some per cent, frames by about a degree,
-a gyro row by 0.03 rad/s from its smoothed neighbours (NanoBench flights, which ones is not recorded); rotors by a
-tenth of their thrust."""
+"""Spreads: thrust over its map differs by 3 % between flights and a motor by some per cent; frames by about a degree;
+rotors by a tenth of their thrust. A gyro row differs by 0.03 rad/s from its smoothed neighbours (NanoBench flights,
+which ones is not recorded)."""
 
 
 def terms_of(nuisances: Sequence[Nuisance], vehicle: Vehicle | None = None) -> dict[str, Values]:

@@ -1,8 +1,8 @@
 """Features of class ``past``: how wrong the model was over the last two seconds, and what would have put it right.
 
 The model is flown over pieces of the past, the last of which end at the start of the window. Their errors at the end,
-and the nuisances that explain them best (maximum a posteriori, to first order, over the last 0.2 to 2 s), say how this
-vehicle differs right now. Nothing later than the start is looked at.
+and the nuisances that explain them best, show how this vehicle differs at present. The nuisances are a maximum a
+posteriori estimate, to first order, over the last 0.2 to 2 s. Nothing later than the start is looked at.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ CHUNK = 1024
 
 @dataclass(frozen=True)
 class Observer:
-    """A model with ``frame_tilt`` and ``thrust_scale`` in it, what may differ (thrust, three trims, two tilts), and the
-    scale (K, 4) of its errors."""
+    """A model with ``frame_tilt`` and ``thrust_scale`` in it, the values that may differ (thrust, three trims, two
+    tilts), and the scale (K, 4) of its errors."""
 
     model: Model
     nuisances: tuple[Nuisance, ...]
@@ -76,7 +76,7 @@ class Observer:
 
     def _flown(self, windows: Windows, states: np.ndarray, window: np.ndarray,
                piece: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Curvature (m, K, N, N), slope (m, K, N) of the cost by nuisances, and errors (m, K, 4, 3), of pieces
+        """Curvature (m, K, N, N) and slope (m, K, N) of the cost by nuisances, and errors (m, K, 4, 3). For pieces
         (window, piece), each (m,). Horizons beyond the start of the window are meaningless."""
         past, last, count = cast("Past", windows.past), states.shape[1] - 1, len(self.nuisances)
         begin = last - STEP * np.arange(1, PIECES + 1)

@@ -1,8 +1,8 @@
 """How well flights identify parameters: bootstrap over sessions and flights, Fisher information, what trades against
 what, profiles.
 
-Everything but the profiles uses the normal equations of every flight at the optimum, so a bootstrap of a thousand
-draws costs as much as one iteration. Nuisances of the flights are eliminated from them first.
+All results but the profiles use the normal equations of every flight at the optimum. A bootstrap of a thousand draws
+therefore costs as much as one iteration. Nuisances of the flights are eliminated from them first.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def information(solution: Solution) -> Information:
 
 
 def not_identified(solution: Solution, ci95: dict[str, tuple[float, float]] | None) -> list[str]:
-    """Sentences: which parameters, and which pairs, these flights do not tell, and which flight would."""
+    """Sentences: which parameters and pairs these flights do not identify, and which flight would."""
     found, known = [], information(solution)
     problem = solution.problem
     for i, name in enumerate(known.names):
@@ -127,8 +127,9 @@ def _settles(a: str, b: str) -> str:
 
 
 def profile(solution: Solution, name: str, values: Sequence[float]) -> list[dict[str, float]]:
-    """Profile likelihood: cost with ``name`` held at each of ``values`` and everything else fitted anew.
-    [{value, cost, rise}], rise above the optimum in units where 1.92 is the 95 % bound of one parameter."""
+    """Profile likelihood: cost with ``name`` held at each of ``values`` and all other parameters fitted again.
+
+    Returns [{value, cost, rise}], rise above the optimum in units where 1.92 is the 95 % bound of one parameter."""
     problem: Problem = solution.problem
     free = problem.free.copy()
     free[problem.model.index(name)] = False

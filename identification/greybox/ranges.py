@@ -1,8 +1,8 @@
 """Physical signs and ranges of fitted parameters, where they are narrower than the terms' own, and soft priors.
 
-A fit that is free in sign and lag learns the inverted flight controller: the logged PWM of the next half second was
-computed from the gyro of that half second. Such a fit scores best and is no vehicle. Hence: motors never run ahead of
-their command, thrust rises with voltage, lateral air tips the nose up, rotation dies away, turning inertia is that of
+A fit with free sign and lag learns the inverted flight controller, because the logged PWM of the next half second was
+computed from the gyro of that half second. Such a fit scores best and is no vehicle. Hence motors never run ahead of
+their command, thrust rises with voltage, lateral air tips the nose up, and rotation decays. Turning inertia is that of
 a vehicle of this mass and size.
 """
 
@@ -49,12 +49,12 @@ def priors(model: Model) -> tuple[Prior, ...]:
 
 
 def held(model: Model) -> tuple[str, ...]:
-    """Names that no flight tells: only k_m / J_z is seen in yaw, and only thrust over mass in translation."""
+    """Names that no flight identifies: yaw shows only k_m / J_z, and translation only thrust over mass."""
     return tuple(slot.name for slot in model.slots if slot.element in slot.parameter.unidentifiable)
 
 
 def falling_thrust(model: Model, low_V: float, high_V: float) -> str:
-    """What is wrong with the thrust map over the motor voltages (or ratios) that were flown, or nothing."""
+    """Fault of the thrust map over the motor voltages (or ratios) that were flown, or an empty string."""
     for term in ("thrust_voltage", "thrust_pwm"):
         if term in model:
             c = np.asarray(model.values_of(term)["c"])

@@ -19,8 +19,10 @@ def _left_matrix(quaternion: np.ndarray) -> np.ndarray:
 
 
 def errors(states: np.ndarray, derivatives: np.ndarray | None, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """states (K, 13, n), derivatives (K, F, 13, n), truth (n, K, 13) -> errors (n, K, 4, 3) and their derivatives
-    (n, K, 4, 3, F): position m, velocity m/s, attitude rad (vector part of the error quaternion, twice), rate rad/s."""
+    """states (K, 13, n), derivatives (K, F, 13, n), truth (n, K, 13) -> errors (n, K, 4, 3) and their derivatives (n,
+    K, 4, 3, F).
+
+    Errors: position m, velocity m/s, attitude rad (vector part of the error quaternion, twice), rate rad/s."""
     x = states.transpose(2, 0, 1)
     n, horizons = x.shape[:2]
     sign = np.sign(np.sum(x[..., QUATERNION] * truth[..., QUATERNION], axis=-1))[..., None]
@@ -41,6 +43,8 @@ def errors(states: np.ndarray, derivatives: np.ndarray | None, truth: np.ndarray
 
 def robust(found: np.ndarray, scale: np.ndarray, weight: np.ndarray) -> tuple[float, np.ndarray]:
     """Soft-L1 of the norms: sum of weight (sqrt(1 + |e|^2 / scale^2) - 1), and the weight (n, K, 4) of each squared
-    error in the normal equations. found (n, K, 4, 3), scale and weight (K, 4)."""
+    error in the normal equations.
+
+    Shapes: found (n, K, 4, 3), scale and weight (K, 4)."""
     root = np.sqrt(1.0 + np.sum(found**2, axis=-1) / scale**2)
     return float(np.sum(weight * (root - 1.0))), weight / (scale**2 * root)

@@ -1,8 +1,8 @@
 """Derivatives of rollouts by parameters: the model and directions through it, compiled and run together.
 
-A block of BLOCK directions in the space of the parameters is carried along with the state; the code is the same for
-any directions, so a model is compiled once however many parameters are free. Rotors are warmed up on the inputs before
-a window, and the derivatives with them.
+A block of BLOCK directions in the space of the parameters is carried along with the state. The code is the same for
+any directions, so a model is compiled once for any number of free parameters. Rotors are warmed up on the inputs
+before a window, and the derivatives with them.
 """
 
 from __future__ import annotations
@@ -56,8 +56,9 @@ def sensitivities(model: Model, start: np.ndarray, motor: np.ndarray, battery_V:
                   past: tuple[np.ndarray, np.ndarray] | None, directions: np.ndarray, *, keep: np.ndarray,
                   row_hz: float = 100.0, parameters: np.ndarray | None = None,
                   threads: int = 1, starts: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """States (K, 13, n) after the rows ``keep`` (K,), which rise, and their derivatives (K, F, 13, n) along
-    ``directions`` (P, F).
+    """States (K, 13, n) after the rows ``keep`` (K,), which increase.
+
+    Also their derivatives (K, F, 13, n) along ``directions`` (P, F).
 
     ``start`` (n, 13), motor (n, H, 4), battery_V (n, H), past (motor, battery) before the start, as for ``rollout``;
     ``parameters`` (P,) or (n, P) in place of the model's; ``starts`` (7, F): what the directions do to the start, in

@@ -2,8 +2,8 @@
 
 Parameters are shared by all flights; nuisances are a few directions through them along which every training flight has
 its random effect, drawn around zero. They keep what differs between flights (a battery further left) out of the shared
-ones; a test flight gets none. SciPy's ``least_squares`` with priors as further rows and the same derivatives takes 1.3
-times as long, ends .4 % above this cost, and does not eliminate the flights' effects.
+ones; a test flight gets none. SciPy's ``least_squares``, with priors as further rows and the same derivatives, takes
+1.3 times as long and ends .4 % above this cost. It does not eliminate the flights' effects.
 """
 
 from __future__ import annotations
@@ -96,8 +96,8 @@ class Normal:
 
 @dataclass(frozen=True)
 class Problem:
-    """All that a fit is made of. ``free`` (P,) bool; lower, upper (P,); ``share``: how much of a window counts as an
-    observation beside the priors."""
+    """All that a fit is made of. ``free`` (P,) bool; lower, upper (P,); ``share``: weight of a window relative to the
+    priors."""
 
     model: Model
     data: FitWindows

@@ -1,7 +1,7 @@
 """Directions through the state at the start of a window: what a start may be corrected by.
 
-A gyro row is one noisy reading, and where the rotors are at the start is known only as far as the model of their lag
-is. Names are ``start.rate_x`` and so on; rotors are moved from where the inputs before the window have left them.
+A gyro row is one noisy reading, and the rotors at the start are known only as well as the model of their lag. Names
+are ``start.rate_x`` and so on; rotors are moved from where the inputs before the window have left them.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
 """What each nuisance sees of the features, by the symmetry of the vehicle.
 
-A quadrotor looks the same after a quarter turn about z, and in a mirror. So what was learnt about roll holds for pitch:
-x of a turning quantity (rate, moment, attitude error) is to roll what its y is to pitch, and y of a moving one
-(velocity, tilt of gravity) what its -x is; yaw sees z of turning ones, thrust sees z of moving ones and scalars. Beside
-these every nuisance has a constant of its own, as no single vehicle is symmetric. Halving what has to be learnt, and
-leaving out what the symmetry forbids, matters where fifteen flights have to teach it.
+A quadrotor looks the same after a quarter turn about z, and in a mirror. So gains learned about roll are valid for
+pitch. For a turning quantity (rate, moment, attitude error), x is to roll what y is to pitch. For a moving one
+(velocity, tilt of gravity), y is to roll what -x is to pitch. Yaw depends on z of turning quantities, thrust on z of
+moving ones and on scalars. In addition, every nuisance has its own constant, as no single vehicle is symmetric.
+Halving what has to be learnt, and leaving out what the symmetry forbids, matters where fifteen flights have to teach
+it.
 """
 
 from __future__ import annotations

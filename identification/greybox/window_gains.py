@@ -1,6 +1,6 @@
 """Per-window values of nuisances as a linear function of what was known at the start of the window.
 
-The gains are learnt on whole training flights: they make the 50-step errors small to first order (the derivatives of
+The gains are learned on whole training flights. They minimise the 50-step errors to first order (the derivatives of
 the rollout are exact), with the same robust cost as the fit. Roll and pitch share theirs, see ``symmetry``. How much
 they are held back follows from training flights left out in turn. A test flight gives features, never gains.
 """
@@ -29,8 +29,8 @@ LEAST = 1e-9
 
 @dataclass(frozen=True)
 class _Seen:
-    """What one nuisance sees: the columns of the features with sign and size, and where its gains are in the vector of
-    all; the last is its own constant."""
+    """Inputs of one nuisance: the columns of the features with sign and size, and the place of its gains in the vector
+    of all. The last gain is its constant."""
 
     column: np.ndarray
     factor: np.ndarray
@@ -66,8 +66,8 @@ def _seen(features: Features, nuisances: Sequence[Nuisance]) -> tuple[list[_Seen
 
 def learn_gains(problem: Problem, shared: np.ndarray, features: Features,
                 nuisances: Sequence[Nuisance]) -> tuple[np.ndarray, float]:
-    """Gains (N, F + 1), the last a constant, that make the errors of ``problem.data`` small, and the ridge that held
-    them back (inf: no gains); features of its windows."""
+    """Gains (N, F + 1), the last a constant, that minimise the errors of ``problem.data``, and their ridge (inf: no
+    gains); features of its windows."""
     matrix, flight = features.matrix(), problem.data.flight
     spread = np.array([n.sd for n in nuisances])
     if len(np.unique(flight)) < FEWEST_FLIGHTS:
@@ -112,7 +112,7 @@ def _added(equations: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarr
 
 
 def _solved(matrix: np.ndarray, right: np.ndarray, ridge: float) -> np.ndarray:
-    """Positive definite by the ridge, however little the features tell."""
+    """Positive definite by the ridge, even for uninformative features."""
     held = matrix + ridge * np.trace(matrix) / len(matrix) * np.eye(len(matrix))
     return np.asarray(-cho_solve(cho_factor(held, overwrite_a=True, check_finite=False), right, check_finite=False))
 

@@ -1,9 +1,9 @@
 """How much better could a simulator predict? A flexible model bounds the gain from any physics.
 
-The correcting network of ``own`` is trained on the simulator's predictions of flights, with whole flights held out in
-turn, and corrects those held out. It knows no physics beyond kinematics and uses only the state and the inputs. So
-equations of state and inputs could remove the same error. The rest is noise, unlogged moments, or beyond these flights.
-The bound is one-sided: equations that generalise better can do more.
+The correcting network of ``own`` is trained on the simulator's predictions of flights. Whole flights are held out in
+turn, and the network corrects those held out. It knows no physics beyond kinematics and uses only the state and the
+inputs. So equations of state and inputs could remove the same error. The rest is noise, unlogged moments, or beyond
+these flights. The bound is one-sided: equations that generalise better can do more.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ class Bound:
 
 def flexible_bound(simulator: Predictor, flights: Sequence[tuple[str, Windows, Prediction]],
                    settings: Settings = QUICK, quiet: bool = True) -> Bound:
-    """The bound of a simulator as a predictor, from flights (name, windows, truth) that it was not fitted to (otherwise
-    the bound describes their remaining error). Raises InputError for fewer than two flights, MissingExtraError
-    without JAX."""
+    """The bound of a simulator as a predictor, from flights (name, windows, truth) that it was not fitted to. On
+    fitted flights the bound describes their remaining error. Raises InputError for fewer than two flights,
+    MissingExtraError without JAX."""
     names = list(dict.fromkeys(name for name, _, _ in flights))
     if len(names) < 2:
         raise InputError("flights", f"{len(names)} to bound a simulator with: none can be held out", "give two or more")

@@ -61,7 +61,7 @@ def read(path: Path) -> Checkpoint:
             raise ValueError(f"schema {header['schema']!r} where {SCHEMA!r} is needed")
         if header["sha256"] != _digest(tensors):
             raise ValueError("its content is not what was written")
-    except Exception as error:  # whatever such a file makes the parser raise
+    except Exception as error:  # such a file can make the parser raise anything
         reason = str(error) or type(error).__name__
         raise InputError(str(path), f"is no whole checkpoint ({reason})", "remove it; training starts again") from error
     return Checkpoint(tensors, header)

@@ -1,6 +1,6 @@
 """A small recurrent network that corrects a prediction by physics: what force and moment did the physics not know?
 
-It says an angular acceleration and a specific force for every step; what these do to the state follows from
+It predicts an angular acceleration and a specific force for every step. Their effect on the state follows from
 kinematics (errors of attitude in body axes, first order: J. Sola, "Quaternion kinematics for the error-state Kalman
 filter", 2017). A network that says nothing leaves the physics as it is.
 """
@@ -46,9 +46,14 @@ def modules() -> SimpleNamespace:
 
         def __call__(self, context: Array, steps: Array, thrust: Array, rate: Array, attitude: Array, dt: float,
                      back: Array | None = None) -> Array:
-            """thrust, rate (n, H, 3) of the physics, body; attitude (n, H, 3, 3) at the starts of the steps; back
-            (n, 6, 6): what turns the network's accelerations into those of the vehicle where it was shown the vehicle
-            turned. Errors (n, H, 12): position, velocity (world), attitude (body), rate."""
+            """Errors of the predictions after the correction.
+
+            - thrust, rate (n, H, 3): of the physics, body.
+            - attitude (n, H, 3, 3): at the starts of the steps.
+            - back (n, 6, 6): turns the network's accelerations into those of the vehicle where it was shown the
+              vehicle turned.
+
+            Errors (n, H, 12): position, velocity (world), attitude (body), rate."""
             hidden = jnp.tanh(jax.vmap(self.first)(context))
             zero = jnp.zeros((len(context), 3))
 

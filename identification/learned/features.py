@@ -1,8 +1,8 @@
 """What the correcting network sees of a window, in body axes, and how that looks to a vehicle turned or mirrored.
 
-A quadrotor looks the same after a quarter turn about z and in a mirror, if its inputs are told as moments and a sum.
-``Kinds`` says of every feature what it is: component of a moving vector (velocity, force), of a turning one (rate,
-moment) or a scalar, so that training can show every window in all eight positions.
+A quadrotor looks the same after a quarter turn about z and in a mirror, if its inputs are given as moments and a sum.
+``Kinds`` has the kind of every feature: component of a moving vector (velocity, force), of a turning one (rate,
+moment), or a scalar. Training can thus show every window in all eight positions.
 """
 
 from __future__ import annotations
@@ -27,9 +27,13 @@ HOVER = number("learned.features.hover")
 
 @dataclass(frozen=True)
 class Seen:
-    """context (n, C): at the start and before; steps (n, H, S): along the window; thrust (n, H, 3) m/s^2: specific
-    force along the predicted path, body; kinds of the columns of both: a letter for every column or triple (``m``
-    moving vector, ``t`` turning vector, ``s`` scalar)."""
+    """Features of windows.
+
+    - context (n, C): at the start and before.
+    - steps (n, H, S): along the window.
+    - thrust (n, H, 3) m/s^2: specific force along the predicted path, body.
+    - kinds: of the columns of both, a letter for every column or triple (``m`` moving vector, ``t`` turning vector,
+      ``s`` scalar)."""
 
     context: np.ndarray
     steps: np.ndarray

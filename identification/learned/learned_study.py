@@ -38,7 +38,7 @@ class Wanted:
 
 
 def family_parts(flights: Sequence[Flight], family: str) -> tuple[list[Flight], list[Flight]]:
-    """(flights of ``family``, all others). InputError when there is none."""
+    """(flights of ``family``, all others). InputError if it is missing."""
     inside = [family_of(flight) == family for flight in flights]
     if not any(inside):
         known = ", ".join(sorted({family_of(flight) for flight in flights}))
@@ -56,7 +56,7 @@ def trained_rows(cases: Sequence[Case], wanted: Wanted, folder: Path, physics: M
                  jobs: int = 1) -> tuple[list[Any], list[dict[str, str]]]:
     """(predictors, failures [{item, file, error}]): the published rows, then ours on ``physics`` (by name of the rung)
     where it is there; ``fits`` fits it to other flights. What cannot be trained is a failure, never a row. ``jobs``
-    networks are trained at a time, each the same whatever the number.
+    networks are trained at a time; the number does not change the result.
 
     Raises InputError when nothing is left to train on.
     """

@@ -18,7 +18,7 @@ from nanobench_tools.sources.labels import family_of
 
 TITLES = ("position m", "velocity m/s", "attitude rad", "rate rad/s")
 SHOWN = ("naive", "published_physics", "fit_balanced", "fit_observed")
-"""Of the rows that were not trained, those drawn beside the trained ones."""
+"""Of the untrained rows, those drawn for comparison."""
 STYLE = """
 body { font: 1rem/1.5 system-ui, sans-serif; max-width: 62rem; margin: 0 auto; padding: 0 .8rem; color: #1c2024 }
 h1 { font-size: 1.5rem } .banner { color: #b04a00; font-weight: 600 }"""
@@ -100,7 +100,7 @@ def path_figure(cases: Sequence[Case], predictors: Sequence[Predictor], family: 
 
 
 def command_figure(logged: np.ndarray, commanded: Mapping[str, np.ndarray], name: str) -> Any:
-    """Motor commands (m, 4) of cloned policies along a flight as it was flown, beside the logged ones."""
+    """Motor commands (m, 4) of cloned policies along a flight as it was flown, and the logged ones."""
     go, make_subplots = plotly()
     figure = make_subplots(4, 1, shared_xaxes=True, vertical_spacing=0.05,
                            subplot_titles=[f"motor {i + 1}" for i in range(4)])
@@ -115,7 +115,7 @@ def command_figure(logged: np.ndarray, commanded: Mapping[str, np.ndarray], name
 
 
 def _laid_out(figure: Any, title: str, height: int) -> Any:
-    """Legible on a phone too: the legend stands below."""
+    """Legible on a phone too: the legend is below."""
     figure.update_annotations(font_size=14)
     return figure.update_layout(title={"text": title, "font": {"size": 16}, "x": 0.0, "xref": "paper"}, height=height,
                                 template="plotly_white", margin={"l": 56, "r": 12, "t": 135, "b": 40},

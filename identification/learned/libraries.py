@@ -1,4 +1,4 @@
-"""JAX and what stands on it, loaded once and only when something is trained or predicted."""
+"""JAX and its dependents, loaded once and only when something is trained or predicted."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ ONE_THREAD = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
 
 def share_process() -> None:
     """Lets Numba and JAX live in one process. JAX maps so much memory that code which Numba loads afterwards may land
-    more than 2 GB from its data, at which LLVM aborts; with llvmlite's own memory manager it stays together. Has to be
-    called before Numba compiles or loads anything."""
+    more than 2 GB from its data, at which LLVM aborts. The memory manager of llvmlite keeps code and data together.
+    Has to be called before Numba compiles or loads anything."""
     os.environ.setdefault("NUMBA_USE_LLVMLITE_MEMORY_MANAGER", "1")
     if "numba" in sys.modules:
         sys.modules["numba"].core.config.USE_LLVMLITE_MEMORY_MANAGER = True
 
 
 def one_thread() -> None:
-    """Has XLA compute on one thread: on a CPU the networks are too small to gain from more, items run side by side, and
-    the last digit depends on the number. Has to be called before JAX is loaded; what the environment says stays."""
+    """Has XLA compute on one thread: on a CPU the networks are too small to gain from more, and items run in parallel.
+    The last digit depends on the number. Has to be called before JAX is loaded; what the environment says stays."""
     os.environ.setdefault("XLA_FLAGS", ONE_THREAD)
     os.environ.setdefault("NPROC", "1")  # how many threads XLA's pool has; no flag sets it
 

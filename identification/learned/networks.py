@@ -1,9 +1,13 @@
 """The published networks of Task 1 in one normalised space: residual MLP, physics + residual, LSTM.
 
 Source: S. I. Ullah, J. Baca, "NanoBench" (arXiv 2603.09908, 2026), section on Task 1: state of 12 (position, velocity,
-rotation vector, angular rate), four motor commands; five fully connected layers of 64 with ReLU that predict the change
-of state; the same on top of the published physics; one LSTM layer of 64 from the start state and the command sequence,
-increments accumulated. Battery voltage as a fifth input is ours.
+rotation vector, angular rate), four motor commands.
+
+- residual MLP: five fully connected layers of 64 with ReLU that predict the change of state;
+- the same on top of the published physics;
+- one LSTM layer of 64 from the start state and the command sequence, increments accumulated.
+
+Battery voltage as a fifth input is ours.
 """
 
 from __future__ import annotations
@@ -116,9 +120,11 @@ def network(kind: str, voltage: bool, scaling: tuple[np.ndarray, ...], seed: int
 
 
 def physics_step(xp: Any, x: Any, motor: Any) -> Any:
-    """(n, 12) states 10 ms later by the published physics (``identification.published_physics``, there in closed form
-    over a window), with the array module ``xp``: RK4 with the rate held, motor (n, 4) PWM ratios. One array per
-    component: compilers fuse these."""
+    """(n, 12) states 10 ms later by the published physics, with the array module ``xp``. RK4 with the rate held, motor
+    (n, 4) PWM ratios.
+
+    ``identification.published_physics`` has it in closed form over a window. One array per component: compilers fuse
+    these."""
     position, velocity, vector, rate = (tuple(x[:, i + k] for k in range(3)) for i in (0, 3, 6, 9))
     thrust = xp.minimum(K_THRUST_N_S2 * OMEGA_FULL_RAD_S**2 / MASS_KG * xp.sum(motor**2, axis=1),
                         PublishedPhysics.thrust_to_weight * GRAVITY_M_S2)

@@ -2,9 +2,9 @@
 
 Training flights are held out in groups. Physics fitted to the other groups predicts every flight, so that the network
 learns errors as flights show them that no fit has seen. One network per group is trained on the others and stops where
-the group itself is predicted best; a prediction takes the mean of them. What they say is taken in by a share for each
-quantity, 0 to 1, reached at once or over a few steps, with which no error of the flights held out, after 1, 10 or 50
-steps or summed, is above the physics'.
+the group itself is predicted best; a prediction takes the mean of them. Their corrections are applied with a share for
+each quantity, 0 to 1, reached at once or over a few steps. With this share, no error of the flights held out, after 1,
+10 or 50 steps or summed, is above the physics'.
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ class Flown:
 
 @dataclass(frozen=True, repr=False)
 class HeldOutErrors(Result):
-    """Errors of one quantity after 1, 10, 50 steps and summed, by the names of these, on the flights that each network
-    did not learn from."""
+    """Errors of one quantity after 1, 10, 50 steps and summed, by the names of these. Only on the flights that each
+    network did not learn from."""
 
     physics: Mapping[str, float]
     corrected: Mapping[str, float]

@@ -24,6 +24,7 @@ from .libraries import Array, libraries, platform
 @dataclass(frozen=True)
 class Settings:
     """share: of all starts that an epoch draws, without repetition (neighbouring windows hold nearly the same rows).
+
     learning_rate falls along a cosine to final_share of itself. Gradients longer than clip are shortened."""
 
     epochs: int = 500
@@ -42,9 +43,9 @@ class Settings:
 
 @dataclass(frozen=True)
 class Task:
-    """What is to be learnt. ``data``: arrays on the device; loss(network, data, starts (b,)) -> mean loss of the
-    windows there; ``train``, ``valid``: their starts. ``identity``: {architecture, data_sha256, ...}, what a
-    checkpoint has to agree with. ``judge``: the loss that validates, if it is another."""
+    """Training task. ``data``: arrays on the device; loss(network, data, starts (b,)) -> mean loss of the windows
+    there; ``train``, ``valid``: their starts. ``identity``: {architecture, data_sha256, ...}, what a checkpoint has to
+    agree with. ``judge``: the loss that validates, if it is another."""
 
     label: str
     network: Any
@@ -90,7 +91,7 @@ class Trained:
 def train(task: Task, settings: Settings, path: Path | None = None, quiet: bool = True,
           every_s: float = 20.0, report: Step | None = None) -> Trained:
     """Trains, or goes on from the checkpoint at ``path`` (written every ``every_s`` seconds and at the end).
-    ``report`` is told of every epoch, in place of a bar.
+    ``report`` is called after every epoch, in place of a bar.
 
     Raises InputError for a loss that is not a number and for a checkpoint of something else.
     """

@@ -23,9 +23,12 @@ EVERY = 10
 
 @dataclass(frozen=True)
 class Rows:
-    """All rows of some flights end to end. state (m, 12): position m, velocity m/s (world), rotation vector rad, body
-    rate rad/s; inputs (m, 5): PWM ratios and battery V; train, valid: rows at which a window of HORIZON steps starts
-    that lies in one stretch and on one side of the cut; flight (m,) number of the flight; names of the flights."""
+    """All rows of some flights end to end.
+
+    - state (m, 12): position m, velocity m/s (world), rotation vector rad, body rate rad/s.
+    - inputs (m, 5): PWM ratios and battery V.
+    - train, valid: rows at which a window of HORIZON steps starts that lies in one stretch and on one side of the cut.
+    - flight (m,): number of the flight; names: of the flights."""
 
     state: np.ndarray
     inputs: np.ndarray

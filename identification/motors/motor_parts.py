@@ -225,8 +225,10 @@ class FittedRotation(Result):
 
 @dataclass(frozen=True, repr=False)
 class MomentPart(Result):
-    """What turns the vehicle, from rotor speed: 1 / J, k_m / J_z, J_r / J_z, how much of the angular acceleration each
-    explains, how late the gyro is; fitted: models of rotation by input."""
+    """Rotation from rotor speed: 1 / J, k_m / J_z, J_r / J_z, the explained share of the angular acceleration, and the
+    delay of the gyro.
+
+    fitted: models of rotation by input."""
 
     inertia_kg_m2: Mapping[str, float]
     identified: str

@@ -111,9 +111,9 @@ def identify(train: Iterable[Flight | str | Path], test: Iterable[Flight | str |
              progress: Callable[[int, int], None] = lambda done, total: None) -> Study:
     """Everything from recordings (flights, files, folders); without ``test`` flights are held out in turn.
 
-    mass_kg: of the vehicle with battery; without it only k_f / m is known, and the vehicle's mass is taken. progress
-    gets how many fits of how many are done. InputError for flights that cannot be used, one flight alone, or flights of
-    different vehicles.
+    mass_kg: of the vehicle with battery. Without it only k_f / m is known, and the vehicle's mass is used.
+    ``progress`` gets the number of finished and of all fits. InputError for flights that cannot be used, one flight
+    alone, or flights of different vehicles.
     """
     parts = [_load(train), *([] if test is None else [_load(test)])]
     if mass_kg is not None and not BOUNDS["mass_kg"][0] <= mass_kg <= BOUNDS["mass_kg"][1]:
@@ -271,7 +271,7 @@ def _rotation(study: Study, seed: int, fitted: Callable[[], None]) -> None:
                                                         kind.own_lag)
         fitted()
         if kind.own_lag:
-            continue  # says which lag an input shows by itself; not scored
+            continue  # shows the lag that an input implies on its own; not scored
         parts, troubles = [], []
         for (train, test), lag in zip(study.folds, study.fold_lags[study.best_lag], strict=True):
             learn, held = (data.part(np.isin(data.flight, which)) for which in (train, test))
@@ -307,9 +307,9 @@ def _scores(parts: Sequence[tuple[np.ndarray, Mapping[str, np.ndarray]]], flight
 def simulator(study: Study) -> Model:
     """The vehicle for simulator.toml: thrust map, lag, moments of the model that was fitted at the rows of the log.
 
-    The map is the steady one where fast and slow changes agree on its slope, else the straight line of the fast ones,
-    which holds near hover only. The moments are those that predict rates over 100 ms best; where that fit is none,
-    inertia is that of ``torque``. Delays of sensors are left out.
+    The map is the steady one where fast and slow changes agree on its slope. Otherwise it is the straight line of the
+    fast ones, which is valid near hover only. The moments are those that predict rates over 100 ms best; where that
+    fit is none, inertia is that of ``torque``. Delays of sensors are left out.
     """
     fast, slow = study.slopes
     if study.chosen is not None and study.chosen.best is not None and abs(slow / fast - 1.0) < AGREES:

@@ -26,8 +26,9 @@ def coarse_rows(row_s: float) -> int:
 
 
 def thinned(log: Log, first: np.ndarray, rng: np.random.Generator, rate_hz: float = RADIO_HZ) -> np.ndarray:
-    """(m, 4) PWM at rows ``first`` (m,) of ``log`` from packets at 100 Hz of which some are lost in bursts, with a
-    straight line between those that arrive, the next one included."""
+    """(m, 4) PWM at rows ``first`` (m,) of ``log`` from packets at 100 Hz, of which some are lost in bursts.
+
+    Between packets that arrive, the next one included, it is a straight line."""
     time_s = np.arange(len(log.u)) * log.row_s
     found = np.full((len(first), 4), np.nan)
     for a, b in log.stretches:

@@ -1,10 +1,10 @@
 """Prediction of rotation from commands in various logs, and from measured rotor speed.
 
 The vehicle is a model of physical terms with time constants from measured rotor speed (``lag``). The rest is fitted to
-100 ms rollouts of the training flights separately for every input, in physical ranges: moments of inertia about x and
-y, the yaw moment, damping, the moment from lateral velocity and a delay. A constant moment about x and y, which is not
-logged and changes within tenths of a second, is learnt for every window from the rates just before it. Start states,
-instants and truth (the gyro) are the same for all inputs.
+100 ms rollouts of the training flights, separately for every input and in physical ranges. Parameters: moments of
+inertia about x and y, the yaw moment, damping, the moment from lateral velocity and a delay. A constant moment about x
+and y, which is not logged and changes within tenths of a second, is learned for every window. It follows from the
+rates just before the window. Start states, instants and truth (the gyro) are the same for all inputs.
 """
 
 from __future__ import annotations
@@ -72,9 +72,11 @@ INPUTS = (
 class Batch:
     """n windows of one input.
 
-    motor (n, P + H, 4) and battery_V (n, P + H) with P rows before the window. start and earlier (n, 13): states at its
-    start and TRIM_S before it. rate (n, K + 50, 3) and quaternion (n, 50, 4): truth at rows of 10 ms, of which K before
-    the start and 50 after. every: rows of input per 10 ms. flight (n,).
+    - motor (n, P + H, 4) and battery_V (n, P + H): with P rows before the window.
+    - start and earlier (n, 13): states at its start and TRIM_S before it.
+    - rate (n, K + 50, 3) and quaternion (n, 50, 4): truth at rows of 10 ms, of which K before the start and 50 after.
+    - every: rows of input per 10 ms.
+    - flight (n,).
     """
 
     motor: np.ndarray
@@ -238,8 +240,8 @@ def fit_rotation(model: Model, data: Batch, own_lag: bool = False) -> Rotation:
 
 
 def errors(fitted: Rotation | None, data: Batch) -> dict[str, np.ndarray]:
-    """Errors after 1..50 rows of 10 ms, (n, 50): rate rad/s (norm), roll_pitch and yaw rate, attitude rad; without a
-    model, of a vehicle with constant rates."""
+    """Errors after 1..50 rows of 10 ms, (n, 50): rate rad/s (norm), roll_pitch and yaw rate, attitude rad. Without a
+    model: errors of a vehicle with constant rates."""
     if fitted is None:
         rate = np.repeat(data.start[:, None, RATE], SCORED_ROWS, axis=1)
         time_s = data.step_s * np.arange(1, SCORED_ROWS + 1)

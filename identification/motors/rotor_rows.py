@@ -1,6 +1,6 @@
 """Flights with measured rotor speed and PWM, as rows at the rate of the log, cut at its gaps.
 
-Rows are taken as evenly spaced: a log that is written once per control loop runs on the loop's clock, and its
+Rows are taken as evenly spaced. A log that is written once per control loop runs on the loop's clock, and its
 timestamps only scatter around it. Everything else is interpolated at the timestamps of the motor stream. Only flying
 rows count: all rotors spin and the vehicle moves. The log need not contain the time on the ground.
 """
@@ -176,7 +176,8 @@ def _informs(log: Log) -> None:
     rate = np.quantile(np.linalg.norm(log.joined(log.rate), axis=1), 0.95)
     moving = 0.0 if log.state is None else np.quantile(np.linalg.norm(log.joined(log.state[:, 3:6]), axis=1), 0.95)
     if rate < STANDING[0] and moving < STANDING[1]:
-        raise InputError(log.path, f"stands on the ground: body rate below {rate:.3f} rad/s with the rotors running",
+        raise InputError(log.path, f"is at rest on the ground: body rate below {rate:.3f} rad/s with the rotors "
+                                   "running",
                          "a flight is needed")
     if log.joined(log.u).std(axis=0).max() < STEADY_PWM:
         raise InputError(log.path, "PWM never changes while it flies", "a lag needs commands that move")

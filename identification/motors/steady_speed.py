@@ -1,8 +1,8 @@
 """Rotor speed from PWM and voltage, RPM(PWM, V), once the lag has passed.
 
-The candidates are the thrust maps of ``identification.thrust`` over T = k_f w^2 (for a motor, speed is in proportion to
-its voltage E), with one gain of thrust per motor. The command is lagged as found before it is compared, and both are
-averaged over a quarter of a second. Chosen by whole flights that are held out in turn.
+The candidates are the thrust maps of ``identification.thrust`` over T = k_f w^2, with one gain of thrust per motor.
+For a motor, speed is in proportion to its voltage E. The command is lagged as found before it is compared, and both
+are averaged over a quarter of a second. Chosen by whole flights that are held out in turn.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Moments from measured rotor speed: what turns the vehicle, from the gyro's angular acceleration.
 
-Thrust differences at the arms turn it about x and y: w' = M / J, where only arm k_f / J is seen; with the arms of the
+Thrust differences at the arms turn it about x and y: w' = M / J. This shows only arm k_f / J; with the arms of the
 vehicle's table and k_f from a weighed mass that is J. About z a rotor's drag turns it, k_m T, and so does the reaction
-to a rotor that speeds up, J_r dw/dt. Both sides are band-passed alike (slow disturbances and vibration carry no
-information on these ratios) and the gyro is shifted by the lag at which they fit best.
+to a rotor that speeds up, J_r dw/dt. Both sides are band-passed alike, because slow disturbances and vibration carry
+no information on these ratios. The gyro is shifted by the lag at which they fit best.
 """
 
 from __future__ import annotations

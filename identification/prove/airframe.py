@@ -1,9 +1,11 @@
 """The vehicle of a case: every number the engine flies with, and the simulator.toml that says exactly the same.
 
-How the engine's numbers map to the terms of a simulator (the equations are DESIGN's, written again in ``engine``):
-motor voltage polynomial -> thrust_voltage; time constants up and down -> motor_lag; yaw_arm_m -> yaw_torque k_m;
-drag N s/m per body axis -> drag_linear; drag_torque_N_s -> drag_torque; k_f -> thrust_rpm (only turns thrust into
-rotor speed, where rotor drag or gyroscopic moments ask for it); mass, inertia, motor positions -> [vehicle].
+How the engine's numbers map to the terms of a simulator (``engine`` writes the equations again):
+
+- motor voltage polynomial -> thrust_voltage; time constants up and down -> motor_lag;
+- yaw_arm_m -> yaw_torque k_m; drag N s/m per body axis -> drag_linear; drag_torque_N_s -> drag_torque;
+- k_f -> thrust_rpm (only turns thrust into rotor speed, where rotor drag or gyroscopic moments need it);
+- mass, inertia, motor positions -> [vehicle].
 """
 
 from __future__ import annotations
@@ -18,8 +20,9 @@ from nanobench_tools.physics.vehicle import Vehicle
 from nanobench_tools.units import GRAVITY_M_S2
 
 CURVE_N_V = (0.0, 0.03104914, -0.01274291, 0.00478576)
-"""Thrust [N] of a motor as a polynomial of its voltage: the firmware's cubic times 0.95, refitted over 1.2-3.8 V with
-no constant, within 2 mN. It rises everywhere and is zero at rest: no clipping is needed, which a simulator lacks."""
+"""Thrust [N] of a motor as a polynomial of its voltage. It is the firmware's cubic times 0.95, refitted over 1.2-3.8 V
+with no constant, within 2 mN. It rises everywhere and is zero at rest: no clipping is needed, which a simulator lacks.
+"""
 LIFT = 1.16
 """Least share of the weight that full command lifts, for an airframe without effects."""
 ARM_M = 0.0325

@@ -120,7 +120,7 @@ def diagnose_item(spec: CaseSpec, batch: Sequence[CaseSpec], seed: int, diagnose
 
 
 def seal_cases(specs: Sequence[CaseSpec], run: Run, folder: Path | None = None, seed: int | None = None) -> Sealed:
-    """Makes all cases, and writes the hash of their truths into ``folder`` unless it stands there already. Cases whose
+    """Makes all cases, and writes the hash of their truths into ``folder`` unless it is there already. Cases whose
     batch failed are left out (the runner lists them)."""
     batches = _batches(specs)
     place = folder and folder / FLOWN

@@ -1,7 +1,6 @@
 """Flights of a case, kept on disk between its making and its diagnosis: RotorPy takes half a minute for one case.
 
-What is kept is what a diagnosis is given, exactly (Parquet and simulator.toml), and the seal of the truth, never the
-truth itself.
+Keeps the exact input of a diagnosis (Parquet and simulator.toml) and the seal of the truth, never the truth itself.
 """
 
 from __future__ import annotations

@@ -17,10 +17,14 @@ OUTCOMES = {"null": "none", "single": "named", "twin": "named", "pair": "named",
             "fault": "data_fault", "foreign": "unknown"}
 """Kind of a case -> the outcome a diagnosis should come to.
 
-null: the simulator is right; single: one effect concealed; twin: one of a group that is easily confused, on flights
-that separate it; pair: two at once; change: an effect in some flights only; fault: the simulator is right and the data
-are wrong, which is "none" where the fault does not forbid an answer (``forbids``); foreign: an effect that no term
-describes.
+
+- null: the simulator is right.
+- single: one effect concealed; twin: one of a group that is easily confused, on flights that separate it; pair: two at
+  once.
+- change: an effect in some flights only.
+- fault: the simulator is right and the data are wrong; "none" is the right answer unless the fault forbids one
+  (``forbids``).
+- foreign: an effect that no term describes.
 """
 COMPARED = {"mocap": ("px", "py", "pz", "qx", "qy", "qz", "qw"), "imu": ("gyro_x", "gyro_y", "gyro_z"),
             "motor": ("m1", "m2", "m3", "m4")}
@@ -72,10 +76,10 @@ class FlightSpec:
 
 @dataclass(frozen=True)
 class Nuisance:
-    """What is never physics. ``disturbance_m_s2``: standard deviation of the air's force (correlated over 0.5 s);
-    ``thrust_noise``: flicker of each motor (0.05 s); clock_wander_s and clock_offset_s of the telemetry; ``loss``:
-    lowest and highest share of packets lost; ``battery_period_s``: one voltage in this time, as recorded, or every
-    10 ms; ``imu_tilt_rad``: rotation vector from the vehicle to the frame of the logged IMU."""
+    """Variations that are never physics. ``disturbance_m_s2``: standard deviation of the air's force (correlated over
+    0.5 s); ``thrust_noise``: flicker of each motor (0.05 s); clock_wander_s and clock_offset_s of the telemetry;
+    ``loss``: lowest and highest share of packets lost; ``battery_period_s``: one voltage in this time, as recorded, or
+    every 10 ms; ``imu_tilt_rad``: rotation vector from the vehicle to the frame of the logged IMU."""
 
     disturbance_m_s2: float = 0.04
     thrust_noise: float = 0.003
@@ -89,11 +93,11 @@ class Nuisance:
 
 @dataclass(frozen=True)
 class CaseSpec:
-    """All that decides a case; the same spec gives the same recordings, alone or beside others.
+    """All that determines a case; the same spec gives the same recordings, alone or with others.
 
     ``seed`` and ``index`` feed the random numbers of the flights. ``airframe`` is what the simulator believes;
-    ``concealed`` effects are missing from it, ``known`` ones stand in it with their true values. ``note`` says in
-    words what is special.
+    ``concealed`` effects are missing from it; ``known`` ones are in it with their true values. ``note`` says in words
+    what is special.
     """
 
     name: str

@@ -1,13 +1,13 @@
 """Real flights with one piece of knowledge removed from the simulator: does the diagnosis find it?
 
-The simulator is fitted on training flights: a thrust map to the accelerometer, a grey-box model with that map to
-50-step predictions, and drag along the states, since half a second hides it. Then one of these is removed: the
+The simulator is fitted on training flights: a thrust map to the accelerometer, and a grey-box model with that map to
+50-step predictions. Drag is fitted along the states, since half a second hides it. Then one of these is removed: the
 battery's voltage (the map at one voltage), the vehicle's weight, drag, or motor lag. It is diagnosed on other flights,
 together with the complete fit (``control``). No fit is the truth: other identified effects, also in the control, may
 really be missing. They are counted as false all the same, since this is unknown.
 
-One more case (``dead log``): flights whose radio log died while the vehicle flew on, so that its estimate seems to
-diverge by metres. That is a fault of the data, not physics.
+One more case (``dead log``): flights whose radio log died while the vehicle flew on. Their estimate seems to diverge
+by metres. That is a fault of the data, not physics.
 """
 
 from __future__ import annotations
@@ -90,8 +90,8 @@ class RealCase:
 
 @dataclass(frozen=True, repr=False)
 class RealScore(CaseScore):
-    """right: the removed effect is identified, in the control none. beside: false effects that the control of the same
-    flights does not have."""
+    """right: the removed effect is identified; in the control none. ``beside``: false effects that the control of the
+    same flights does not have."""
 
     beside: tuple[str, ...]
 
@@ -157,7 +157,7 @@ def real_cases(split: Split, simulators: tuple[Model, Model], n: int, seed: int,
     groups = _groups([case.flight for case in split.test], np.random.default_rng([seed, 103]))
     if not groups:
         raise InputError("--concealed", f"{len(split.test)} test flights",
-                         f"{FLIGHTS} are needed beside those that train")
+                         f"{FLIGHTS} are needed in addition to those that train")
     found: list[RealCase] = []
     for number, group in enumerate(groups):
         for lack in IGNORANCE:

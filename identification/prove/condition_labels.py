@@ -1,4 +1,4 @@
-"""Real conditions with a label each: what was done to a vehicle, folder by folder, opened after the verdicts.
+"""Real conditions with a label each: the change of a vehicle, folder by folder, opened after the verdicts.
 
     schema = "nanobench-labels/1"
     [folders.normal]

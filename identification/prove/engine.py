@@ -1,8 +1,8 @@
 """The engine that flies the cases: the practice vehicle with an airframe that is known exactly, and effects on top.
 
-Written from the equations of DESIGN, not from the terms: delay, input limit, curve of the motor voltage, thrust limit,
-gains, lag (RK4, 2 ms), then what air does to the thrust, forces in the body, moments, forces in the world. The battery,
-the ground, the sensors, the onboard controllers and the room are those of the practice flights.
+Written from the equations, not from the terms: delay, input limit, curve of the motor voltage, thrust limit, gains,
+and lag (RK4, 2 ms). Then come the effects of air on the thrust, forces in the body, moments, and forces in the world.
+The battery, the ground, the sensors, the onboard controllers and the room are those of the practice flights.
 """
 
 from __future__ import annotations
@@ -129,7 +129,7 @@ class Engine(Plant):
 
 
 class _Part:
-    """What the vehicles ``rows`` feel; only what is asked for is picked out."""
+    """Reads what the vehicles ``rows`` feel, and returns only the requested part."""
 
     def __init__(self, air: Air, rows: np.ndarray) -> None:
         self._air, self._rows = air, rows

@@ -1,16 +1,16 @@
 """A second engine: RotorPy's own multirotor (Folk, Paulos, Kumar 2023) in place of the practice vehicle's equations.
 
 RotorPy gives the forces and moments of every rotor with its drag, flapping and lag of the rotor speed, the wind and
-the motion of the body; battery, thrust asked of a command, ground, sensors, controllers and room are the practice
-ones. What RotorPy's numbers are in terms of a simulator, with S the sum of the rotor speeds in hover:
+the motion of the body. Battery, commanded thrust, ground, sensors, controllers and room are the practice ones. What
+RotorPy's numbers are in terms of a simulator, with S the sum of the rotor speeds in hover:
 
     k_eta -> thrust_rpm k_f            k_m / k_eta -> yaw_torque k_m            tau_m -> motor_lag, both ways
     k_d, k_d, k_z -> drag_rotor d      k_flap S -> drag_torque c                wind -> wind
     S a^2 (k_z, k_z, 2 k_d) -> angular_damping, because the drag acts at the rotors (a: half the distance of two)
 
 Not said by any term, and small: RotorPy's rotors lag in speed, not in thrust; the last two lines hold at hover speed.
-Its parasitic drag (norm of the velocity times each component) and its translational lift (in newton, whatever the rotor
-speed) have no exact term and are switched off.
+Two effects have no exact term and are switched off. These are its parasitic drag (norm of the velocity times each
+component) and its translational lift (in newton, at any rotor speed).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def on_rotorpy(spec: CaseSpec) -> CaseSpec | None:
     """The case as RotorPy can fly it, at most four of its flights; None if it lacks an effect.
 
     The airframe loses the drag of its body and gets that of its rotors, which the simulator knows, with the implied
-    damping, and one time constant up and down. Parameters of effects are drawn again for it.
+    damping. It has one time constant up and down. Parameters of effects are drawn again for it.
     """
     several = (*spec.concealed, *spec.known)
     if any(hidden.effect not in EFFECTS_HERE for hidden in several):
@@ -175,8 +175,8 @@ class RotorPyEngine(Engine):
         return self._known[1]
 
     def step(self, dt_s: float) -> None:
-        """One step with the held command: rotor speeds exactly, the body by Adams and Bashforth's rule of second order,
-        which asks RotorPy once a step (two thirds of all time goes there)."""
+        """One step with the held command: rotor speeds exactly, the body by Adams and Bashforth's rule of second
+        order. That evaluates RotorPy once a step (two thirds of all time goes there)."""
         s = self.state
         slope = self._first(s)
         before = slope if self._before is None else self._before

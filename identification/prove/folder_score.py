@@ -32,7 +32,7 @@ class FoundSize(Result):
 @dataclass(frozen=True, repr=False)
 class FolderScore(Result):
     """One folder. ``right``: the label's cause is named, with just its motors where both name any; of normal flights,
-    that nothing is. ``in_class``: it stands, with just its motors, among several causes that are named together.
+    that nothing is. ``in_class``: accepted, with just its motors, among several causes that are identified together.
     ``below``: nothing is named, and what the trim shows lies below the stated detectable size. ``improvement``,
     ``power``, ``trim``, ``paragraph``: as of the verdict."""
 
@@ -99,7 +99,7 @@ class Doses(Result):
 
 @dataclass(frozen=True, repr=False)
 class FolderSummary(Result):
-    """As ``summary.Summary`` where that is asked of folders, too; false_alarms: of normal flights left out."""
+    """As ``summary.Summary`` where that applies to folders, too; false_alarms: of normal flights left out."""
 
     cases: int
     right: int

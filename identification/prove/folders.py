@@ -1,8 +1,8 @@
 """Proof on real folders: flights of one vehicle, a folder per thing done to it, diagnosed blind against the normal one.
 
-What is given to the diagnosis are trims under neutral names, in an order drawn from the seed; which folder is which,
-and the labels, are put beside the verdicts when all of them are there. Each normal flight is judged by the other normal
-ones as if it were a folder: what is named there is a false alarm.
+The diagnosis gets trims under neutral names, in an order drawn from the seed. The folder names and the labels are put
+next to the verdicts when all verdicts exist. Each normal flight is judged by the other normal ones as if it were a
+folder; an identified effect is a false alarm.
 """
 
 from __future__ import annotations
@@ -51,8 +51,10 @@ def folder_item(flights: Values, normal: Values, simulator: Model | None, mass_k
 def judge(folders: Mapping[str, Sequence[Flight]], normal: Sequence[Flight], run: Run, seed: int,
           simulator: Model | None = None, mass_kg: float | None = None,
           copies: Mapping[str, str] | None = None, same_day: bool = False, nothing_added: bool = False) -> Judged:
-    """Verdicts on every folder and on every normal flight. copies {flight: why}: recordings that are left out;
-    same_day, nothing_added: what is known of all folders."""
+    """Verdicts on every folder and on every normal flight.
+
+    - copies {flight: why}: recordings that are left out.
+    - same_day, nothing_added: known facts about all folders."""
     every = [*normal, *(f for flights in folders.values() for f in flights)]
     values = _values(every, run, copies or {})
     usual = {f"normal_{k}": renamed(values[f.name], f"normal_{k}") for k, f in enumerate(normal) if f.name in values}

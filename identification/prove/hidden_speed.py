@@ -1,8 +1,8 @@
 """Logs with rotor speed, which is hidden: does a simulator without motor lag ask for it back, and for the one measured?
 
-Every other flight makes the simulator (``nanobench motors`` with the speed, then drag along the states); it loses its
-lag and is diagnosed on the flights between, from which the speed was taken. What they say of the lag is compared with
-what their own rotor speed says, which is looked at afterwards.
+Every other flight makes the simulator (``nanobench motors`` with the speed, then drag along the states). It loses its
+lag and is diagnosed on the flights between, without the rotor speed. Their verdict on the lag is compared with their
+own rotor speed, which is looked at afterwards.
 """
 
 from __future__ import annotations

@@ -119,8 +119,8 @@ def effects_of(specs: Sequence[CaseSpec]) -> list[Acting]:
 
 
 def as_flown(spec: CaseSpec) -> CaseSpec:
-    """The case as its engine can fly it. Without RotorPy, or if RotorPy cannot fly it, ``practice`` does, and the truth
-    records it (``engine`` and ``engine_wanted``). Raises UsageError for an unknown engine."""
+    """The case as its engine can fly it. Without RotorPy, or if RotorPy cannot fly it, ``practice`` flies it. The
+    truth records this (``engine`` and ``engine_wanted``). Raises UsageError for an unknown engine."""
     if spec.engine == "practice":
         return spec
     if spec.engine != "rotorpy":

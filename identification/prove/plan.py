@@ -23,7 +23,7 @@ QUOTAS = {"null": 0.30, "single": 0.24, "twin": 0.12, "pair": 0.10, "fault": 0.0
 """Share of each kind of case."""
 SIZE_SHARES = {"single": (0.34, 0.33, 0.33), "twin": (0.0, 0.5, 0.5), "pair": (0.0, 0.5, 0.5),
                "change": (0.0, 0.5, 0.5), "foreign": (0.2, 0.4, 0.4)}
-"""Of small, medium and large; what must be told from a twin or from a partner is not small."""
+"""Of small, medium and large; an effect that has to be separated from a twin or from a partner is not small."""
 TWINS: tuple[tuple[str, ...], ...] = (
          ("mass", "thrust_scale"), ("motor_lag", "command_delay"), ("wind", "force_world", "frame_tilt"),
          ("drag_linear", "drag_quadratic", "drag_rotor"), ("motor_imbalance", "com_offset"),
@@ -35,8 +35,8 @@ gains: the onboard controllers command at most 0.12 N of a motor, 18 % above hov
 CHANGES: tuple[str, ...] = ("mass", "motor_imbalance", "thrust_scale", "com_offset", "wind")
 """What may happen between two flights of a day."""
 ADDED = {name: term for name, term in added().items() if name in EFFECTS}
-"""Terms from other packages: each is in single cases and pairs, against what it is confused with, and between flights
-where it says that it changes."""
+"""Terms from other packages. Each is in single cases and pairs, against the terms it is confused with, and between
+flights where it declares that it changes."""
 TWINS += tuple((name, *others) for name, term in ADDED.items()
                if (others := tuple(n for n in term.confused_with if n in EFFECTS)))
 CHANGES += tuple(name for name, term in ADDED.items() if term.changes)
@@ -82,8 +82,8 @@ def _deal(decks: dict[str, list[Any]], name: str, cards: Callable[[], Sequence[A
 def _nuisance(rng: np.random.Generator, restless: bool = False) -> Nuisance:
     """Air and flicker differ between cases; the telemetry clock wanders in half, an IMU is tilted in a fifth.
 
-    The flicker is such that the true simulator predicts as well as the best fit does on real recordings (0.011 rad
-    after 0.1 s, 0.22 m/s after 0.5 s).
+    With this flicker, the true simulator predicts as well as the best fit does on real recordings (0.011 rad after 0.1
+    s, 0.22 m/s after 0.5 s).
     """
     wanders = bool(rng.uniform() < 0.5)
     tilt = np.zeros(3)
@@ -106,7 +106,7 @@ def _hidden(name: str, size: str, rng: np.random.Generator, airframe: Airframe,
 
 
 def _lifting(hidden: Hidden, rng: np.random.Generator, airframe: Airframe, least: float) -> Hidden:
-    """The same effect, resampled until full command lifts the weight ``least`` times: a vehicle that is too heavy for
+    """The same effect, resampled until full command lifts the weight ``least`` times. A vehicle that is too heavy for
     its controller falls, and one close to that lands on a low flight."""
     for _ in range(50):
         changed = EFFECTS[hidden.effect].change(airframe, hidden.parameters)
@@ -160,7 +160,7 @@ def _case(name: str, kind: str, seed: int, index: int, rng: np.random.Generator,
         wants += [w for w in EFFECTS[hidden.effect].wants if w not in wants]
         if hidden.effect == "thrust_voltage":
             charges = CHARGES[hidden.size]
-    if "full" in wants and "charges" in wants:  # what is seen at full batteries only is seen there
+    if "full" in wants and "charges" in wants:  # effects that only full batteries show are visible there
         wants.remove("full")
     concealed = tuple(_lifting(hidden, rng, airframe, LIFT if "low" in wants else LEAST_LIFT) for hidden in concealed)
     count = int(rng.integers(5, 7)) if len(concealed) > 1 or kind in ("twin", "change") else None

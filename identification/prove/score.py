@@ -68,10 +68,14 @@ class IntervalScore(Result):
 class CaseScore(Result):
     """One case.
 
-    truth: concealed or injected effects. outcome, named: the diagnosis. right: all effects and only these are
-    identified, and the outcome fits. false_name: a finding is false. intervals: parameters of rightly identified terms.
-    flights_right, fault_right: whether the flights of a change, and the kinds of faults with their flights, match the
-    truth (None without any). improvement, power: as in the verdict.
+    Score of one case.
+
+    - truth: concealed or injected effects; outcome, named: the diagnosis.
+    - right: all effects and only these are identified, and the outcome fits; false_name: a finding is false.
+    - intervals: parameters of rightly identified terms.
+    - flights_right, fault_right: whether the flights of a change, and the kinds of faults with their flights, match
+      the truth (None without any).
+    - improvement, power: as in the verdict.
     """
 
     case: str
@@ -160,9 +164,9 @@ def _effect(effect: TrueEffect, finding: Mapping[str, Any] | None, verdict: Verd
 def below(effect: TrueEffect, stated: Mapping[str, Any]) -> bool:
     """Whether an effect is below the smallest detectable one: ``stated`` {minimum_detectable, unit, parameter}.
 
-    The largest change of that parameter (of any element of it; without ``parameter``, of any parameter in that unit) is
-    compared, from the simulator's value, or from the neutral value if the simulator lacks the term. A minimum of None
-    means that no size is detectable.
+    The largest change of that parameter (of any element of it; without ``parameter``, of any parameter in that unit)
+    is compared. It counts from the simulator's value, or from the neutral value if the simulator lacks the term. A
+    minimum of None means that no size is detectable.
     """
     least = stated["minimum_detectable"]
     if least is None:

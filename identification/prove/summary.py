@@ -128,12 +128,16 @@ class Details(Result):
 
 @dataclass(frozen=True, repr=False)
 class Summary(Result):
-    """false_names: cases with a false name, false_name_rate with ci95 over all cases; recall_by_size: share of single
-    effects (singles and twins) named, of small ones also those rightly below the stated detectable size;
-    coverage95: share of 95 % intervals that hold the true value; calibration: [stated confidence, share of findings
-    that are right, findings]; share_of_achievable: median over rightly named cases; confusion: {what was there: {what
-    was said: how often}}; abstained: cases with something in the vocabulary to be named where the verdict is that it
-    cannot tell."""
+    """Summary of a blind proof.
+
+    - false_names: cases with a false name; false_name_rate with ci95 over all cases.
+    - recall_by_size: share of single effects (singles and twins) identified, of small ones also those rightly below
+      the stated detectable size.
+    - coverage95: share of 95 % intervals that hold the true value.
+    - calibration: [stated confidence, share of findings that are right, findings].
+    - share_of_achievable: median over rightly identified cases.
+    - confusion: {true effect: {identified effect: count}}.
+    - abstained: cases with an effect of the vocabulary and a verdict without a decision."""
 
     cases: int
     right: int

@@ -1,4 +1,4 @@
-"""What is true of a blind case, to be compared with a verdict; sealed and kept as JSON until all verdicts are there."""
+"""Truth of a blind case, to be compared with a verdict; sealed and kept as JSON until all verdicts exist."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class TrueParameter(Result):
 
 @dataclass(frozen=True, repr=False)
 class TrueEffect(Result):
-    """What acts. ``foreign``: no term says it; ``twins``: terms that cannot be told from it in free flight; parameters
-    by flat name; ``drawn``: as the effect itself has them; ``flights``: names of those it acts in; ``meaning``: of
-    the size, in words."""
+    """What acts. ``foreign``: no term says it; ``twins``: terms that free flight cannot distinguish from it;
+    parameters by flat name; ``drawn``: as the effect itself has them; ``flights``: names of those it acts in;
+    ``meaning``: of the size, in words."""
 
     term: str
     size: str
@@ -35,7 +35,7 @@ class TrueEffect(Result):
 
 @dataclass(frozen=True, repr=False)
 class TrueFault(Result):
-    """What is wrong with the data of one flight; times from its first row, None where nobody put it there."""
+    """Fault of the data of one flight; times from its first row, None for a fault that was not injected."""
 
     flight: str
     kind: str
@@ -51,8 +51,8 @@ class TrueFault(Result):
 class Truth(Result):
     """effects that are concealed; ``known``: names of effects the simulator has right; faults of the data; ``outcome``:
     that of a right verdict on a fault; engine that flew, and the one wanted; ``corrected``: simulator.toml of the
-    simulator that knows; ``tumbled``: names of flights that fell; ``nuisance``: what was never physics, with its
-    units."""
+    simulator that knows; ``tumbled``: names of flights that fell; ``nuisance``: variations that are not physics, with
+    their units."""
 
     case: str
     kind: str

@@ -1,7 +1,7 @@
 """Maps fitted to what the balanced model predicts: the thrust, scaled to the weight that was carried.
 
-A plain fit has to explain the levels of flights and bends the curve for it; here the balance does that, and the curve
-only answers for what changes within a flight. Nonlinear least squares over shape and coefficients together, from the
+A plain fit has to explain per-flight offsets and bends the curve for that. Here the balance explains them, and the
+curve describes only changes within a flight. Nonlinear least squares over shape and coefficients together, from the
 plain fit on.
 """
 
@@ -39,8 +39,8 @@ def balance(carried_m_s2: np.ndarray, seconds: np.ndarray) -> np.ndarray:
 
 def fit_balanced(candidate: Map, mass_kg: float, flights: Sequence[Flown], counts: np.ndarray, shape: np.ndarray,
                  linear: np.ndarray, row_weight: float) -> tuple[np.ndarray, np.ndarray, str]:
-    """(shape, coefficients, what is wrong with them), searched from ``shape`` and ``linear``; ``row_weight``: what a
-    row counts beside the priors, 1/(m/s^2)^2."""
+    """(shape, coefficients, what is wrong with them), searched from ``shape`` and ``linear``; ``row_weight``: weight
+    of a row relative to the priors, 1/(m/s^2)^2."""
     thin = -(-sum(map(len, flights)) // FIT_ROWS)
     few = [f.rows(slice(None, None, thin)) for f in flights]
     rows = array_fields.joined(few)

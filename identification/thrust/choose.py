@@ -19,8 +19,10 @@ NO_WORSE_ONE_FILE = number("thrust.choose.no_worse_one_file")
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Errors [N] of a candidate on held-out rows: one array per fold, prediction minus measurement, and the root of the
-    mean over folds of their mean squares. trouble: the first of a fold whose fit was none."""
+    """Errors [N] of a candidate on held-out rows: one array per fold, prediction minus measurement, and the root of
+    the mean over folds of their mean squares.
+
+    trouble: the message of the first fold whose fit failed."""
 
     errors: tuple[np.ndarray, ...]
     rms: float
@@ -31,8 +33,8 @@ def choose(fits: Mapping[str, Any], scores: Mapping[str, HeldOut], no_worse: flo
            spread: float = np.inf) -> str | None:
     """Name of the map with the smallest held-out error, or of lower rank and no worse; None if none is a result.
 
-    Maps whose fit is in trouble, the firmware's own, and maps that predict held-out rows no better than a constant
-    (``spread``: the SD of what is predicted) are never chosen.
+    Three kinds of maps are never chosen: those whose fit is in trouble, the firmware's own, and those that predict
+    held-out rows no better than a constant (``spread``: the SD of the predicted values).
     """
     able = [n for n, fit in fits.items() if not fit.trouble and map_of(fit).fixed is None
             and not scores[n].trouble.startswith("not ") and scores[n].rms < spread]
@@ -44,6 +46,6 @@ def choose(fits: Mapping[str, Any], scores: Mapping[str, HeldOut], no_worse: flo
 
 
 def map_of(fit: Any) -> Map:
-    """The map of a fit to stands or to flights."""
+    """The map of a fit to thrust-stand series or to flights."""
     found: Map = fit.map if hasattr(fit, "map") else fit.model.map
     return found

@@ -1,4 +1,4 @@
-"""What a stand series says about the battery and the motor beside the thrust, where current or speed were measured."""
+"""Battery and motor parameters from a thrust-stand series in which current or speed were measured."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def battery_resistance(stand: Stand, seed: int = 0) -> Estimate | None:
 
 
 def motor_constants(fit: Fit, stand: Stand) -> dict[str, Value]:
-    """k_f [N s^2/rad^2] from thrust and speed; with a map of the motor family also K_e = E / w [V s/rad], from
-    T = kappa E^2 = k_f w^2. Empty without speeds."""
+    """k_f [N s^2/rad^2] from thrust and speed. With a map of the motor family also K_e = E / w [V s/rad], from T =
+    kappa E^2 = k_f w^2. Empty without speeds."""
     k_f = stand.thrust_per_speed2
     if not np.isfinite(k_f) or k_f <= 0.0:
         return {}

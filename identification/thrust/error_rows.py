@@ -13,9 +13,12 @@ from nanobench_tools.results.result import INLINE, OPTIONAL, Result, named
 
 @dataclass(frozen=True, repr=False)
 class ErrorRow(Result):
-    """One model on the files of one split. ci95 of the RMS by drawing sessions and files, None where ``drawn`` says
-    why; bias, coverage95 (share of rows inside the 95 % interval), files_covered90 (share of files with nine tenths of
-    their rows inside); given: what predictions are made from; clock, clock_evidence: of flights."""
+    """One model on the files of one split.
+
+    - ci95: of the RMS by drawing sessions and files, None where ``drawn`` gives the reason.
+    - bias; coverage95: share of rows inside the 95 % interval; files_covered90: share of files with nine tenths of
+      their rows inside.
+    - given: inputs of the predictions; clock, clock_evidence: of flights."""
 
     model: str
     split: str
@@ -61,8 +64,8 @@ class FileError(Result):
 
 @dataclass(frozen=True, repr=False)
 class OwnBands(Result):
-    """A series without another one of its propeller, each PWM band predicted from the rest: the chosen map, its RMS,
-    and that of the firmware's closer curve."""
+    """A series without another one of its propeller, each PWM band predicted from the rest. Has the chosen map, its
+    RMS, and that of the firmware's closer curve."""
 
     best: str | None
     rms_N: float | None
@@ -82,7 +85,7 @@ class ChosenWithout(Result):
 
 @dataclass(frozen=True, repr=False)
 class Points(Result):
-    """Rows (m,) of a file for plots: PWM ratio (mean of the motors), voltage, measurement and fit, in N per motor of a
+    """Rows (m,) of a file for plots: PWM ratio (mean of the motors), voltage, measurement and fit. In N per motor of a
     stand series, m/s^2 of a flight."""
 
     file: str
@@ -108,7 +111,9 @@ class AgainstFirmware(Result):
     """RMS on one test file, N per motor or m/s^2.
 
     Of the chosen map, of the better of the firmware's two published cubics, and of the better one with the same inputs
-    as the chosen map (a scale from the training files; the carried weight, if that map has it). None without such a
+    as the chosen map.
+
+    Those inputs are a scale from the training files, and the carried weight if that map has it. None without such a
     row.
     """
 

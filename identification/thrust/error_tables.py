@@ -100,8 +100,8 @@ def uses(candidate: Any) -> str:
 def leave_one_out(stands: Sequence[Stand], mass_kg: float, seed: int) -> tuple[list[Scored], dict[str, ChosenWithout]]:
     """(every model on every series, fitted without it; the training series and the chosen map of each).
 
-    A series is predicted from others of the same propeller (identified by thrust per squared rotor speed, if measured),
-    else from all others, and from its other PWM bands if it is the only one.
+    A series is predicted from others of the same propeller (identified by thrust per squared rotor speed, if
+    measured), else from all others. The only series is predicted from its other PWM bands.
     """
     results: dict[str, Scored] = {}
     chosen: dict[str, ChosenWithout] = {}
@@ -132,12 +132,12 @@ def leave_one_out(stands: Sequence[Stand], mass_kg: float, seed: int) -> tuple[l
 
 
 def propeller_mates(stand: File, train: Sequence[File]) -> int:
-    """Number of training series with the propeller of ``stand``; 0 if unknown."""
+    """Number of training series with the propeller of the series ``stand``; 0 if unknown."""
     return sum(isinstance(s, Stand) and isinstance(stand, Stand) and same_propeller(s, stand) for s in train)
 
 
 def basis_words(mates: Sequence[int]) -> str:
-    """What the fits of a row's series were made from, by how many other series of their own propeller there were.
+    """Data of the fits of a row's series, by the number of other series with the same propeller.
 
     >>> basis_words([1, 1, 0])
     '2 of 3 series: one other series of their propeller, whose battery and motors need not be theirs; 1 of 3: none'

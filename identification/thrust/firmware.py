@@ -38,7 +38,7 @@ def motor_voltage(thrust_N: np.ndarray, c: Sequence[float] | np.ndarray, kind: t
     """Voltage u V [V] at which the cubic ``c`` gives ``thrust_N`` (...), as the firmware solves it.
 
     Only for cubics that rise everywhere (one real root); others give nan. The vehicle computes with
-    ``kind=numpy.float32``: a small c_3 beside the others then cancels, which no algebra shows.
+    ``kind=numpy.float32``, in which a small c_3 cancels next to the others; algebra does not show that.
     """
     c0, c1, c2, c3 = (kind(x) for x in c)
     p, r = -c2 / (kind(3) * c3), c1 / (kind(3) * c3)

@@ -3,13 +3,13 @@
     a_z = sum_i T(u_i, V) / m - g (k_z v_z - k_h v_xy^2 + heat h - trim . q)
 
 Every model sees the inputs delayed by one number, found on the training flights. The shape of a map (how voltage and
-PWM trade) is found with a free level per flight, of 0.15 m/s^2 SD: vehicles, batteries and so masses differ between
-flights, and a difference of mean between two flights says nothing about the voltage law. The coefficients then follow
-from all rows of all training flights; a test flight gets nothing of its own.
+PWM trade) is found with a free per-flight offset, of 0.15 m/s^2 SD. Vehicles, batteries and so masses differ between
+flights, and a difference of mean between two flights contains no information on the voltage law. The coefficients then
+follow from all rows of all training flights; a test flight gets no per-flight values.
 
-Balanced models know one thing more of a flight: that it flies. Over the last seconds in the air the thrust was, on
-average, the weight, so the thrust that the map gives to the inputs of these seconds says by how much the map is off
-for this vehicle, battery and air. Only inputs of the past are used, no accelerometer (``balanced.py``).
+Balanced models know one thing more of a flight: that it flies. Over the last seconds in the air the thrust equalled
+the weight on average. The thrust that the map gives to these inputs therefore shows its error for this vehicle,
+battery and air. Only inputs of the past are used, no accelerometer (``balanced.py``).
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ DELAYS_S = tuple(np.round(np.arange(0.0, 0.1201, 0.01), 3))
 
 EFFECTS = (("k_z", "s/m"), ("k_h", "s^2/m^2"), ("heat", "1/V^2"), ("trim_roll", "1"), ("trim_pitch", "1"),
            ("trim_yaw", "1"))
-"""Inflow (climbing, flying sideways), warm motors, unequal motors: what acts in the air beside the map."""
+"""Inflow (climbing, flying sideways), warm motors, unequal motors: effects in the air that the map omits."""
 
 IN_FLIGHT = ("thrust_pwm", "thrust_voltage", "switched_motor")
 """Maps that are also fitted together with the effects."""

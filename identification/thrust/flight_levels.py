@@ -1,9 +1,9 @@
-"""What the level of a flight costs: rows beside the plain ones, each saying what it was given.
+"""Cost of the per-flight offset: rows next to the plain ones, each with its inputs.
 
-A flight's level (its mean error) is mostly the vehicle, the battery and the air of that day, which no map of PWM and
-voltage knows. ``first seconds``: the level is learnt from the accelerometer over the first seconds in the air, and what
-comes later is predicted. ``true level``: the mean error itself is taken off; no prediction, but what would be left if
-levels were known.
+The per-flight offset (mean error) is mostly the vehicle, the battery and the air of that day. A map of PWM and voltage
+does not contain these. ``first seconds``: the level is learnt from the accelerometer over the first seconds in the
+air, and what comes later is predicted. ``true level``: the mean error itself is taken off; no prediction, but what
+would be left if levels were known.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ GIVEN_TRUE = "the mean error of the flight itself: a bound, no prediction"
 
 
 def level_rows(found: Study, name: str, files: Sequence[Flown], split: str) -> list[Scored]:
-    """[later rows with nothing learnt, later rows with the level of the first seconds, all rows with the true level]
-    of the model ``name``."""
+    """[later rows without learning, later rows with the offset of the first seconds, all rows with the true offset] of
+    the model ``name``."""
     files = [f for f in files if can_predict(found.candidates[name], f)]
     plain = score(found, name, files, split)
     held = [(e, t) for e, t in zip(found.scores[name].errors, _times(found), strict=False) if len(e) == len(t)]
@@ -65,8 +65,8 @@ def later(missed: np.ndarray, time_s: np.ndarray, share: float) -> np.ndarray:
 
 
 def trust(held: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
-    """How much of the first seconds' mean error is the level of the rest: slope through zero on training flights that
-    were held out, 0 to 1."""
+    """Share of the first seconds' mean error that is the offset of the rest, 0 to 1. It is the slope through zero on
+    training flights that were held out."""
     pairs = np.array([(e[first].mean(), e[~first].mean()) for e, t in held
                       for first in [t - t[0] < FIRST_S] if (~first).any()]).reshape(-1, 2)
     square = float(np.sum(pairs[:, 0] ** 2))

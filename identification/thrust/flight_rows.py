@@ -1,7 +1,8 @@
 """Flights as a fit of thrust needs them: motor inputs and body-z specific force, low-passed at 3 Hz, on clean rows.
 
-Only rows inside clean airborne spans, more than 0.4 m above the place it stood (no ground effect, no touch-down) and
-a quarter of a second inside the span (the filter has settled) count. Nothing is filtered across the end of a span.
+Only rows inside clean airborne spans count. They are more than 0.4 m above the resting place (no ground effect, no
+touch-down) and a quarter of a second inside the span (the filter has settled). Nothing is filtered across the end of a
+span.
 """
 
 from __future__ import annotations
@@ -155,8 +156,8 @@ def _remembered(motor: np.ndarray, voltage: np.ndarray) -> np.ndarray:
 
 
 def _carried(grid: np.ndarray, spans: Sequence[Span], motor: np.ndarray, voltage: np.ndarray) -> np.ndarray:
-    """(n, 6): means of the four motors and the voltage over clean rows in the air so far, the last LIFT_S counting
-    most, and of how many seconds they are. Rows where there are none yet have 0 s."""
+    """(n, 6): means of the four motors and the voltage over clean rows in the air so far, and the number of seconds in
+    them. The last LIFT_S count most. Rows before the first of these have 0 s."""
     first = min(span.start_s for span in spans) + CLIMB_OFF_S
     inside = np.zeros(len(grid))
     for span in spans:

@@ -14,9 +14,12 @@ STEPS = 50
 
 @dataclass(frozen=True)
 class Inverse:
-    """pwm (...) ratio 0..1; thrust_N (...) what it gives; limit_N (...) the most there is at that voltage; saturated
-    (...) where more was asked for than that; below (...) where less than the map's least was asked for: the motor is
-    then off (pwm 0)."""
+    """Commands for given thrusts.
+
+    - pwm (...): ratio 0..1.
+    - thrust_N (...): resulting thrust; limit_N (...): the greatest thrust at that voltage.
+    - saturated (...): the request exceeds it.
+    - below (...): the request is less than the map's least; the motor is then off (pwm 0)."""
 
     pwm: np.ndarray
     thrust_N: np.ndarray

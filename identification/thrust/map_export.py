@@ -30,8 +30,12 @@ LEAST_SHARE = 7000.0 / 65535.0
 
 @dataclass(frozen=True)
 class Exported:
-    """terms: entries of ``[[terms]]``; rms_N: how far their thrust is from the map's over the PWM and voltages of the
-    training rows (0 for a map that is a term itself); firmware: lines to paste, empty with the reason in ``note``."""
+    """A map as terms of a simulator and as lines for the firmware.
+
+    - terms: entries of ``[[terms]]``.
+    - rms_N: difference between their thrust and the map's over the PWM and voltages of the training rows (0 for a map
+      that is a term itself).
+    - firmware: lines to paste, empty with the reason in ``note``."""
 
     terms: tuple[Mapping[str, Any], ...]
     rms_N: float
@@ -86,7 +90,7 @@ def _rms(c: Any, drive: np.ndarray, thrust: np.ndarray) -> float:
 def rising_cubic(drive: np.ndarray, thrust: np.ndarray, least_c3: float = LEAST_CUBES[0]) -> np.ndarray:
     """c_k (4,) of the cubic nearest to ``thrust`` that rises everywhere, which the firmware's inverse needs.
 
-    c_0 + slope V + c_3 ((V - p)^3 + p^3) with slope and c_3 above zero has a derivative above zero everywhere; p is
+    With slope and c_3 above zero, c_0 + slope V + c_3 ((V - p)^3 + p^3) has a positive derivative everywhere; p is
     scanned.
     """
     top = float(drive.max())
@@ -101,7 +105,7 @@ def rising_cubic(drive: np.ndarray, thrust: np.ndarray, least_c3: float = LEAST_
 
 
 def solved_on_vehicle(c: np.ndarray, least_N: float, highest_N: float) -> bool:
-    """Whether the firmware's formula in single precision finds the voltages of all thrusts it may be asked for."""
+    """Whether the firmware's formula in single precision finds the voltages of all thrusts it may get."""
     commanded = np.linspace(least_N, highest_N, 101)
     given = np.polynomial.polynomial.polyval(motor_voltage(commanded, c, np.float32).astype(float), c)
     return bool(np.all(np.abs(given - commanded) < SOLVED_WITHIN * highest_N))

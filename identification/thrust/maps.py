@@ -4,9 +4,9 @@ Each is T = sum_k c_k x_k(u, V; shape): linear in the coefficients c, with at mo
 expression serves NumPy arrays and CasADi symbols. The polynomials are those of the terms ``thrust_pwm`` and
 ``thrust_voltage``.
 
-The motor family comes from the steady balance of a DC motor with a propeller. Speed voltage E = K_e w and current I:
-u (V + s) - d = E + R I with a drop d + (1 - u) s while the switch is off (diode, and the battery's own resistance,
-through which the current flows in bursts); torque balance K_t I = k_q w^2, so R I = rho E^2; propeller T = k_f w^2 =
+The motor family comes from the steady balance of a DC motor with a propeller. Speed voltage E = K_e w and current I: u
+(V + s) - d = E + R I. The drop is d + (1 - u) s while the switch is off (diode, and the battery's own resistance,
+through which the current flows in bursts). Torque balance K_t I = k_q w^2, so R I = rho E^2; propeller T = k_f w^2 =
 kappa E^2. Hence E + rho E^2 = u (V + s) + e_0 with e_0 = -d.
 """
 
@@ -30,7 +30,7 @@ from .firmware import LEGACY, PLUS, PropellerSet
 
 @dataclass(frozen=True)
 class Shape:
-    """A parameter inside the columns. ``low`` and ``high``: a fit that ends there is none. ``prior``: (mean, SD)."""
+    """A parameter inside the columns. ``low`` and ``high``: a fit that ends there is invalid. ``prior``: (mean, SD)."""
 
     name: str
     unit: str
@@ -48,9 +48,10 @@ Columns = Callable[[Any, Any, Any, Ops], Sequence[Any]]
 class Map:
     """``columns(shape values, u, V, ops)`` -> one column per entry of ``linear`` [(name, unit)]; T = sum c_k column_k.
 
-    fixed: coefficients that are given and not fitted. positive: the coefficient has to be above zero. rank: of maps
-    that predict equally well the one with the lower rank is taken: a motor, which extrapolates, before polynomials,
-    these before a curve of other propellers, and what ignores the voltage last.
+    - fixed: coefficients that are given and not fitted.
+    - positive: the coefficient has to be above zero.
+    - rank: of maps that predict equally well, the lowest rank is chosen. A motor, which extrapolates, comes before
+      polynomials, these before a curve of other propellers, and maps without the voltage last.
     """
 
     name: str
@@ -105,8 +106,8 @@ def _polynomial(name: str, term: Any, degree: int, equation: str, **more: Any) -
 
 
 MONOMIALS = ((1, 0), (1, 1), (2, 0), (2, 1), (2, 2), (3, 3))
-"""Powers (of u, of V) of the general polynomial: u and u^2 with any voltage law up to their own power, and the cube of
-the motor voltage. No constant: a motor that is off pulls nothing."""
+"""Powers (of u, of V) of the general polynomial: u and u^2 with any voltage law up to their own power. Also the cube
+of the motor voltage. No constant: a motor that is off pulls nothing."""
 
 
 def _general(shape: Sequence[Any], u: Any, voltage: Any, ops: Ops) -> list[Any]:

@@ -1,8 +1,9 @@
 """How far off a row of a new recording may be: the spread within files, between files, and of what was fitted.
 
-Flights of one session share propellers, battery and air, so that they say little about those of another day: the spread
-between flights has as many degrees of freedom as there are sessions. What the fit itself does not know (a test flight
-whose motors are more uneven than those of any training flight) is the spread of refits to drawn training flights.
+Flights of one session share propellers, battery and air, so they say little about those of another day. The spread
+between flights therefore has as many degrees of freedom as there are sessions. The uncertainty of the fit itself is
+the spread of refits to drawn training flights. It covers a test flight whose motors are more uneven than those of any
+training flight.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ FEW_ROWS = count("thrust.prediction_intervals.few_rows")
 
 
 def sessions(epochs_s: Sequence[float]) -> int:
-    """How many sessions recordings of these Unix times are of; one without a stamp (0) is one of its own, those whose
-    clock started with the vehicle are one together.
+    """Number of sessions of recordings with these Unix times. Each one without a time (0) is a session; those whose
+    clock started with the vehicle are one session together.
 
     >>> sessions([0.0, 0.0, 1e9, 1e9 + 600.0, 1e9 + 86400.0])
     4
@@ -38,9 +39,9 @@ def sessions(epochs_s: Sequence[float]) -> int:
 
 
 def half_width(found: Sequence[np.ndarray], files: int, unseen: float = 0.0, groups: int | None = None) -> float:
-    """Half width of the interval for a row of a new file from held-out errors (one array per file): the spread within
-    files, and that of the files' means with as few degrees of freedom as there are ``groups`` (sessions; by default
-    files). unseen: SD between files that one file alone is given. nan without errors."""
+    """Half width of the interval for a row of a new file from held-out errors (one array per file). It combines the
+    spread within files and that of the files' means. The latter has as many degrees of freedom as there are ``groups``
+    (sessions; by default files). unseen: SD between files that one file alone is given. nan without errors."""
     if not found:
         return float("nan")
     high = 0.5 + 0.5 * PROBABILITY

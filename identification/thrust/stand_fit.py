@@ -1,8 +1,8 @@
 """Fits of thrust maps to stand series: separable least squares, every file with the same weight.
 
 For given shape parameters the coefficients follow linearly (variable projection, Golub and Pereyra 1973); the at most
-two shape parameters are searched from several starts. A fit that did not converge, ended on a bound, or gives a map
-that cannot be a motor says so in ``trouble`` and is never chosen.
+two shape parameters are searched from several starts. A fit is never chosen if it did not converge, ended on a bound,
+or gives a map that cannot be a motor. ``trouble`` has the reason.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def solve(columns: np.ndarray, target: np.ndarray, weights: np.ndarray) -> tuple
 
 def fit_stands(candidate: Map, stands: Sequence[Stand], weights: Numbers | None = None,
                start: Sequence[float] | None = None) -> Fit:
-    """The map fitted to all rows of ``stands`` that spin; ``weights`` one per file (default all 1; a bootstrap counts a
+    """The map fitted to all spinning rows of ``stands``; ``weights`` one per file (default all 1; a bootstrap counts a
     file as often as it was drawn). ``start``: shape values to search from, once."""
     if candidate.fixed is not None:
         return Fit(candidate, {name: c for (name, _), c in zip(candidate.linear, candidate.fixed, strict=True)},

@@ -56,7 +56,7 @@ class Stand:
 
     @property
     def thrust_per_speed2(self) -> float:
-        """k_f [N s^2/rad^2] of one propeller, nan without rotor speeds: it tells propellers apart."""
+        """k_f [N s^2/rad^2] of one propeller, nan without rotor speeds; it distinguishes propellers."""
         if self.rotor2 is None:
             return float("nan")
         return float(self.thrust_N @ self.rotor2 / (self.rotor2 @ self.rotor2))

@@ -24,8 +24,11 @@ Predict = Callable[[np.ndarray, float], np.ndarray]
 
 @dataclass(frozen=True, repr=False)
 class ThrustLevel(Result):
-    """At one battery voltage: hover_pwm, the ratio that carries the weight (None: full command does not); full_N of one
-    motor at full command; thrust_to_weight of all motors there; measured: the voltage is one of the training rows'."""
+    """At one battery voltage.
+
+    - hover_pwm: the ratio that carries the weight (None: full command does not).
+    - full_N: of one motor at full command; thrust_to_weight: of all motors there.
+    - measured: the voltage is one of the training rows'."""
 
     battery: str
     voltage_V: float

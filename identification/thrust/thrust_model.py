@@ -31,10 +31,11 @@ Source = Flight | str | Path
 class ThrustModel:
     """Fits every candidate map, keeps the one that predicts whole files it was not fitted to best.
 
-    ``name``: a candidate to use whatever the choice; ``mass_kg``: of the vehicle, for flights (free flight shows T/m
-    only); ``draws``: refits for the intervals of the parameters; ``seed``: of these. After ``fit``: ``study_`` (all
-    candidates), ``best_`` (name of the one in use), ``kind_`` (``stand`` | ``flight``), ``parameters_``, ``delay_s_``,
-    ``left_out_`` (reason by name of recording).
+    ``name``: a candidate to use in place of the chosen one; ``mass_kg``: of the vehicle, for flights (free flight
+    shows T/m only); ``draws``: refits for the intervals of the parameters; ``seed``: of these. After ``fit``:
+
+    - ``study_`` (all candidates), ``best_`` (name of the one in use), ``kind_`` (``stand`` | ``flight``);
+    - ``parameters_``, ``delay_s_``, ``left_out_`` (reason by name of recording).
     """
 
     def __init__(self, name: str | None = None, mass_kg: float = Vehicle().mass_kg, draws: int = DRAWS,
@@ -88,8 +89,8 @@ class ThrustModel:
 
     @property
     def scale_(self) -> float:
-        """Factor on the map for motors as warm and as unequal, or for the weight carried, as in the mean of the
-        training flights; 1 for stands."""
+        """Factor on the map for motors as warm and as unequal as in the mean of the training flights, or for the
+        weight carried. It is 1 for a stand series."""
         found = self.study_.fits[self.best_]
         if isinstance(found, FlightFit) and found.model.balanced:
             flown = [f for f in self.study_.train if isinstance(f, Flown)]

@@ -69,7 +69,7 @@ def part(kind: str, mine: StandResult | FlightResult, rows: Sequence[ErrorRow]) 
 
 
 def figures(kind: str, mine: StandResult | FlightResult) -> dict[str, Drawing]:
-    """The chosen map, what it leaves over PWM and voltage, and held-out files beside the firmware."""
+    """The chosen map, its residual over PWM and voltage, and held-out files against the firmware."""
     factor, unit, _ = UNITS[kind]
     chosen = mine.chosen
     if chosen is None:
@@ -92,7 +92,7 @@ def figures(kind: str, mine: StandResult | FlightResult) -> dict[str, Drawing]:
                                        ("battery", "V", _points(chosen.points, lambda p: p.voltage_V, left)))
               if any(x is not None for mark in marks for x in mark.x)]
     if panels:
-        found["left"] = Figure("What is left, over PWM and battery voltage",
+        found["left"] = Figure("Residual over PWM and battery voltage",
                                "Prediction minus measurement; dotted: the 95 % prediction interval for a row of a new "
                                "file. At most 300 rows of a file are drawn.", panels)
     if pairs := sorted(mine.against_firmware, key=lambda p: -p.rms):

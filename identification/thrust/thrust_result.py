@@ -134,8 +134,8 @@ class FlightResult(PartResult):
 
 @dataclass(frozen=True, repr=False)
 class ThrustResult(Result):
-    """thrust.json. With both kinds ``best`` and ``parameters`` are those of the flights, since these describe the
-    vehicle in flight; each part has its own under its kind."""
+    """thrust.json. With both kinds, ``best`` and ``parameters`` are those of the flights, since these describe the
+    vehicle in flight. Each kind also has its own part."""
 
     rows: tuple[ErrorRow, ...]
     best: str | None

@@ -39,8 +39,8 @@ def sort_out(flights: Iterable[Flight]) -> tuple[list[Flight], list[Flight]]:
 
 
 def stand_rows(recordings: Sequence[Flight]) -> Rows[Stand]:
-    """Series that can be fitted; of byte-identical files the first. Beside series with battery voltage, one without
-    would take every map of the voltage from all of them."""
+    """Series that can be fitted; of byte-identical files the first. Among series with battery voltage, one without
+    would remove every map with the voltage from all of them."""
     found: Rows[Stand] = Rows()
     seen: dict[str, str] = {}
     for recording in recordings:

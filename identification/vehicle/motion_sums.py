@@ -1,9 +1,9 @@
 """Sums over one flight from which the parameters of the vehicle follow: what its motors push against what it feels.
 
-The logged command is noisy (rows of 10 ms of a command that changes every 2 ms, packets lost), and a controller answers
-every disturbance with it. The motion is clean. So the moment and the thrust of the command stand on the left and the
-measured motion on the right: noise of the command then widens intervals, but does not shrink gains (errors in
-variables).
+The logged command is noisy (rows of 10 ms of a command that changes every 2 ms, packets lost). A controller also
+answers every disturbance with it. The motion is clean. So the moment and the thrust of the command are on the left
+side and the measured motion on the right. Noise of the command then widens intervals, but does not shrink gains
+(errors in variables).
 
     s sum T_i = m a_z                                   mean over the flight, slow rows before fast ones
     m a_x = -d_x v_x, m a_y = -d_y v_y                  below SLOW_HZ, accelerometer
@@ -66,7 +66,7 @@ class MotionSums:
 
 @dataclass(frozen=True)
 class Signals:
-    """Rows GRID_S apart of a clean span: volts (n, 4) at the motors, velocity (n, 3) m/s, rate (n, 3) rad/s and
+    """Rows GRID_S apart of a clean span. Volts (n, 4) at the motors, velocity (n, 3) m/s, rate (n, 3) rad/s and
     specific force (n, 3) m/s^2, body."""
 
     volts: np.ndarray
@@ -128,8 +128,8 @@ def motion_sums(case: Case, vehicle: Vehicle, curve: np.ndarray, lag_s: float) -
 
 
 def hover_level(case: Case, vehicle: Vehicle, curve: np.ndarray, lag_s: float) -> float:
-    """Force along body z over the commanded thrust, without ground and idle motors. Rows at a speed v have the weight 1
-    / (1 + (v / HOVER_M_S)^2)^2: moving through the air costs thrust, and the level is that of hover."""
+    """Force along body z over the commanded thrust, without ground and idle motors. Rows at a speed v have the weight
+    1 / (1 + (v / HOVER_M_S)^2)^2, because moving through the air costs thrust and the level is that of hover."""
     rows = [signals(case.flight, span, vehicle.gravity_m_s2) for span in inner_spans(case, GROUND_S, GROUND_S)]
     thrust = np.concatenate([lagged(np.polynomial.polynomial.polyval(row.volts, curve), lag_s).sum(axis=1)
                              for row in rows])

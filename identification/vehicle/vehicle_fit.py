@@ -1,6 +1,6 @@
 """One physical vehicle from any flights: sums over whole flights where they identify a parameter, priors elsewhere.
 
-Every parameter has a prior with a source. Where flights identify it, both are weighed by their variances: that of the
+Every parameter has a prior with a source. Where flights identify it, both are weighed by their variances. That of the
 flights comes from drawing sessions and flights within them, and from the systematic error of the method. What rows of
 10 ms in closed loop cannot show (lag, yaw moment, shape of the thrust curve, damping) keeps its prior and is marked.
 """
@@ -51,8 +51,12 @@ TERMS = ("thrust_voltage", "thrust_scale", "motor_imbalance", "command_delay", "
 
 @dataclass(frozen=True)
 class VehicleFit:
-    """model; parameters by name, with interval and share of the prior; draws (D, P) of the model's flat vector; priors,
-    notes: sentences, which priors there are and where the flights disagree; flights and seconds that took part."""
+    """A fitted physical vehicle.
+
+    - model; parameters by name, with interval and share of the prior.
+    - draws (D, P): of the model's flat vector.
+    - priors, notes: sentences, which priors there are and where the flights disagree.
+    - flights and seconds that took part."""
 
     model: Model
     parameters: Mapping[str, Estimate]
@@ -168,8 +172,8 @@ def _weighed(found: Sequence[MotionSums], counts: np.ndarray, known: Priors, veh
 def _lag_share(known: Priors) -> float:
     """Standard deviation of an inertia, as a share, that follows from that of the motors' lag.
 
-    A lag tau for a true lag t scales the moment in phase with the angular acceleration by (1 + w^2 tau t) / (1 + w^2
-    tau^2) at the angular frequency w; this is its slope at t = tau.
+    Slope at t = tau of the scale (1 + w^2 tau t) / (1 + w^2 tau^2). A lag tau for a true lag t scales the moment in
+    phase with the angular acceleration by this, at the angular frequency w.
     """
     lags = [known.believed[f"motor_lag.tau_{way}_s"] for way in ("up", "down")]
     lag_s, sd_s = (float(np.mean([getattr(lag, name) for lag in lags])) for name in ("mean", "sd"))

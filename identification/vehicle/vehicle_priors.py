@@ -1,4 +1,4 @@
-"""What is known of a vehicle before it flies: ``priors.toml``, or a file of the user's in the same form."""
+"""Prior knowledge of a vehicle: ``priors.toml``, or a file of the user's in the same form."""
 
 from __future__ import annotations
 

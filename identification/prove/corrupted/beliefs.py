@@ -28,8 +28,11 @@ NOT_COMPARED = ("saturation", *MAPS)
 
 @dataclass(frozen=True)
 class Flown:
-    """What a belief may depend on: voltage (median V), height (median m), hover and most (thrust of a rotor, N, in
-    hover and 99.9 % of all), angle (rad) of a direction and number of a motor, drawn for the group."""
+    """Quantities that a corruption may depend on.
+
+    - voltage: median V; height: median m.
+    - hover and most: thrust of a rotor, N, in hover and 99.9 % of all.
+    - angle (rad) of a direction and number of a motor, drawn for the group."""
 
     voltage: float
     height_m: float
@@ -287,7 +290,7 @@ def flown_by(nominal: Model, tracks: Sequence[Track], rng: np.random.Generator) 
 
 
 def _commands(model: Model, track: Track) -> np.ndarray:
-    """(n * rotors,) thrusts that are asked for [N]."""
+    """(n * rotors,) commanded thrusts [N]."""
     scale = model.values_of("thrust_scale").get("s", 1.0)
     motor = track.motor[track.counts]
     if model.vehicle.input == "rpm":

@@ -1,4 +1,4 @@
-"""Verdicts against truths: what was identified, what is false, what was missed though predictions show it."""
+"""Verdicts against truths: identified, false, and missed effects that predictions show."""
 
 from __future__ import annotations
 
@@ -16,11 +16,15 @@ from .sizes import VISIBLE
 
 @dataclass(frozen=True, repr=False)
 class CorruptedScore(Result):
-    """One case. rise: of a prediction error; visible: by VISIBLE or more; outcome, named: what the verdict says;
-    identified: every effect there is; false: terms that are not there (of a control: all that it names, which are
-    ``imperfect`` in the others of its group, and not counted); missed: visible and not identified; intervals of right
-    terms; share: of the improvement that the nominal simulator reaches; confidence: of each finding, and whether it is
-    right."""
+    """One case.
+
+    - rise: of a prediction error; visible: by VISIBLE or more.
+    - outcome, named: of the verdict; identified: every effect there is.
+    - false: terms that are not there. In a control these are all that it identifies; they are ``imperfect`` in the
+      others of its group, and not counted.
+    - missed: visible and not identified; intervals: of right terms.
+    - share: of the improvement that the nominal simulator reaches.
+    - confidence: of each finding, and whether it is right."""
 
     case: str
     vehicle: str
@@ -56,7 +60,7 @@ def imperfections(verdict: Mapping[str, Any]) -> frozenset[str]:
 
 
 def score(case: CorruptedCase, found: Diagnosed, usual: frozenset[str] = frozenset()) -> CorruptedScore:
-    """``usual``: what is identified in the control of the group."""
+    """``usual``: effects identified in the control of the group."""
     verdict = {"power": {}, "elapsed_s": found.cpu_s, "data_faults": [], **found.verdict}
     whole = score_case(case.truth, verdict)
     right = [entry.right or not class_of(f).isdisjoint(case.near)

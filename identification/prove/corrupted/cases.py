@@ -42,11 +42,15 @@ Wrong = Belief | Outside | Disturbance
 
 @dataclass(frozen=True)
 class CorruptedCase:
-    """One wrong simulator. name; vehicle, group; kind ``control``, ``single``, ``pair``, ``outside``; beliefs that are
-    wrong (names of the table); nominal and simulator; truth with its effects and their right values; times: size over
-    the smallest that predictions show, 0 for a control and where they never show it; rise: largest relative rise of a
-    prediction error 0.1 or 0.5 s ahead; recordings: what a diagnosis is given, those of the group unless a force of
-    time was added; near: terms that are no false names."""
+    """One wrong simulator.
+
+    - name; vehicle, group; kind ``control``, ``single``, ``pair``, ``outside``.
+    - beliefs: wrong ones (names of the table); nominal and simulator.
+    - truth: its effects and their right values.
+    - times: size over the smallest that predictions show, 0 for a control and where they never show it.
+    - rise: largest relative rise of a prediction error 0.1 or 0.5 s ahead.
+    - recordings: input of a diagnosis, those of the group unless a force of time was added.
+    - near: terms that are no false names."""
 
     name: str
     vehicle: str
@@ -64,7 +68,7 @@ class CorruptedCase:
 
     @property
     def key(self) -> str:
-        """Of what a diagnosis is given, beside the flights."""
+        """Input of a diagnosis other than the flights."""
         added = (self.beliefs, self.times, self.rise) if self.simulator == self.nominal else ()
         return key_of(as_json(self.simulator), added)
 

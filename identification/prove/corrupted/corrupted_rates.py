@@ -16,8 +16,9 @@ from .case_score import CorruptedScore
 
 @dataclass(frozen=True, repr=False)
 class Rates(Result):
-    """cases; visible singles, pairs and outside shapes that are identified; cases with a false effect; parameters
-    inside their 95 % interval; share of the improvement that the nominal simulator reaches, of visible cases."""
+    """Counts of cases, of visible singles, pairs and outside shapes that are identified, and of cases with a false
+    effect. Also parameters inside their 95 % interval, and the share of the improvement that the nominal simulator
+    reaches, of visible cases."""
 
     cases: int
     identified: Share
@@ -39,7 +40,7 @@ class Rates(Result):
 @dataclass(frozen=True, repr=False)
 class CorruptedProof(Result):
     """corrupted.json. by_belief, by_size (size over the smallest that predictions show), by_vehicle, by_kind;
-    ``controls``: what is identified with each nominal simulator; ``calibration``: [stated confidence, share right,
+    ``controls``: effects identified with each nominal simulator; ``calibration``: [stated confidence, share right,
     findings]."""
 
     engine: str

@@ -1,7 +1,7 @@
 """A force that changes with time, added to what flew: no simulator can hold it, since a model does not know the time.
 
 A vertical force moves the vehicle up and down, and does not turn it. The measured path gets the motion that such a
-force makes against the nominal simulator's vertical drag, in its steady state; attitude, rate and motors stay.
+force makes against the nominal simulator's vertical drag, in its steady state. Attitude, rate and motors stay.
 """
 
 from __future__ import annotations

@@ -27,7 +27,8 @@ TRACKS = tuple(f"identification/mismatch/{name}.py" for name in (
     "recordings", "track", "taking_part", "tracked_point", "commanded", "measured_speed"))
 """Code that makes what a diagnosis sees of a recording."""
 RECIPE = ("identification/prove/corrupted/nominal.py",)
-"""Code that a kept nominal simulator is of, beside the version: a better fit of a later day is no other truth."""
+"""Code that determines a cached nominal simulator, in addition to the version: a better fit of a later day is no other
+truth."""
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,11 @@ BODY = ("outcome", "paragraph", "findings", "unknown", "power", "rejected", "cor
 
 @dataclass(frozen=True, repr=False)
 class Diagnosed(Result):
-    """One verdict. share: how much of the rise of a prediction error the corrected simulator takes away, over what the
-    nominal one does (None where nothing rises or nothing is corrected); cpu_s; error: why there is no verdict."""
+    """One verdict.
+
+    - share: how much of the rise of a prediction error the corrected simulator removes, over what the nominal one does
+      (None where nothing rises or is corrected).
+    - cpu_s; error: reason for a missing verdict."""
 
     verdict: Mapping[str, Any]
     share: float | None
@@ -75,8 +78,8 @@ class Judge:
 
 
 def drawn(cases: Sequence[CorruptedCase], n: int | None, seed: int) -> list[CorruptedCase]:
-    """All controls, then cases in an order drawn once, in turn from every belief and visible ones first, so that any
-    number of the first ones spreads over beliefs and groups; at most ``n``."""
+    """All controls, then cases in an order drawn once, at most ``n``. They come in turn from every belief, visible
+    ones first, so that any number of the first ones spreads over beliefs and groups."""
     rng = np.random.default_rng([seed, 47])
     controls = [c for c in cases if c.kind == "control"]
     others = [c for c in cases if c.kind != "control"]
@@ -92,7 +95,7 @@ def drawn(cases: Sequence[CorruptedCase], n: int | None, seed: int) -> list[Corr
 
 def run(judge: Judge, cases: Sequence[CorruptedCase], say: Callable[[str], None] = lambda text: None,
         seconds: float | None = None) -> dict[str, Diagnosed]:
-    """{name of the case: what was found}, until so many CPU seconds are spent."""
+    """{name of the case: verdict}, until so many CPU seconds are spent."""
     start, found = time.process_time(), dict[str, Diagnosed]()
     for number, case in enumerate(cases):
         if seconds is not None and time.process_time() - start > seconds:

@@ -1,4 +1,4 @@
-"""The centre of mass lies beside the point between the motors: forces turn the vehicle about it."""
+"""The centre of mass is offset from the point between the motors: forces turn the vehicle about it."""
 
 from typing import ClassVar
 

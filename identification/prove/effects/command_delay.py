@@ -1,4 +1,4 @@
-"""Commands reach the motors late: a slow bus, a busy radio. What is logged is when they were sent."""
+"""Commands reach the motors late: a slow bus, a busy radio. The log has the time at which they were sent."""
 
 from collections.abc import Mapping
 from typing import ClassVar

@@ -20,14 +20,17 @@ from ..airframe import Airframe
 SIZES = ("small", "medium", "large")
 HOOKS = ("motor", "commanded", "wind", "thrust", "force", "push", "moment", "advance")
 Parameters = Mapping[str, Any]
-"""Numbers, lists of numbers and words by name, as they stand in the JSON of a case's sealed truth."""
+"""Numbers, lists of numbers and words by name, as in the JSON of a case's sealed truth."""
 
 
 @dataclass
 class Air:
-    """What k vehicles feel at one evaluation. Body axes unless said: velocity_b over ground, air_b against the air
-    (3, k) m/s, rate (3, k) rad/s, rotor (4, k) rad/s, thrust (4, k) N as the rotors give it now, force_b (3, k) N with
-    thrust; position, velocity in the world (3, k)."""
+    """What k vehicles feel at one evaluation. Body axes unless stated.
+
+    - velocity_b over ground, air_b against the air (3, k) m/s, rate (3, k) rad/s;
+    - rotor (4, k) rad/s, thrust (4, k) N: the present thrust of the rotors;
+    - force_b (3, k) N with thrust;
+    - position, velocity in the world (3, k)."""
 
     position: np.ndarray
     velocity: np.ndarray
@@ -43,7 +46,7 @@ class Effect:
     """One cause. Class attributes say what it is; an instance acts on the vehicles whose parameters it holds."""
 
     name: ClassVar[str]
-    """The term of the vocabulary, or a name of its own when ``foreign``."""
+    """The term of the vocabulary, or a new name when ``foreign``."""
     parameters: ClassVar[tuple[str, ...]] = ()
     """What of ``draw`` the term has, and the hooks take."""
     foreign: ClassVar[bool] = False
@@ -52,7 +55,7 @@ class Effect:
     wants: ClassVar[tuple[str, ...]] = ()
     """Flights in which it shows, see ``routes.WANTS``."""
     twins: ClassVar[tuple[str, ...]] = ()
-    """Terms that cannot be told from it in free flight, whatever the flights."""
+    """Terms that cannot be distinguished from it in any free flight."""
 
     def __init__(self, arrays: Mapping[str, np.ndarray]) -> None:
         self.a = dict(arrays)

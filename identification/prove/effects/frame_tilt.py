@@ -1,4 +1,5 @@
-"""The frame the motion capture tracks is not the vehicle's: markers registered while it did not stand level.
+"""The frame that the motion capture tracks is not the vehicle's: markers were registered while the vehicle was not
+level.
 
 Thrust, IMU and motors keep their axes; the tracked quaternion is turned. The onboard estimate is not: it follows the
 IMU. Acts in the logging chain, not in the air.

@@ -1,4 +1,4 @@
-"""Foreign: motors lose strength as they get warm, whatever the voltage."""
+"""Foreign: motors lose strength as they get warm, at any voltage."""
 
 from typing import ClassVar
 

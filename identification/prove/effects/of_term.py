@@ -1,4 +1,4 @@
-"""An effect made of a term's own expressions: blind cases of a term that brings no injector of its own.
+"""An effect made of a term's expressions: blind cases of a term without an injector.
 
 Such a case shows whether the search finds the term on flights of an engine that shares nothing else with it. It cannot
 show a mistake in the term's equation, which flies and is fitted alike; an ``injector`` written anew can.
@@ -34,9 +34,9 @@ FLOWN = (Stage.INPUT_LIMIT, Stage.WIND, Stage.BODY_FORCE, Stage.TORQUE, Stage.WO
 
 
 def effect_of(term: Term) -> type[Effect] | None:
-    """The injector a term declares, or one of its expressions; None where some act on what an engine keeps to itself
-    (delay, thrust map, rotor speeds, tilt), where it needs a term that no airframe has, and where no diagnosis asks
-    for it. UsageError for an injector that is no effect."""
+    """The injector a term declares, or one of its expressions; None where some act on internals of an engine (delay,
+    thrust map, rotor speeds, tilt), or where it needs a term that no airframe has. Also None where a diagnosis never
+    tests it. UsageError for an injector that is no effect."""
     if term.injector:
         found = registry.load("terms", term.injector)
         if not (isinstance(found, type) and issubclass(found, Effect)):
