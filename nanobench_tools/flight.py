@@ -53,8 +53,8 @@ for _name, _known in STREAM_QUANTITIES.items():
 
 ``tick``: the sender's timestamp of a sample, if it was logged in addition to the receiver's. ``motor``: what the motors
 got (after battery compensation), m1 to at most m8. ``motor_request``: the request before it. ``command``: the
-collective set-point of all (``Stream.unit`` is 1 for a fraction of full, or N). ``stand``: the load cell of a thrust
-stand (sum over the motors). ``estimator_acc`` excludes gravity.
+collective set-point of all (``Stream.unit`` is 1 for a fraction of full, or N). ``stand``: the load cell of the test
+rig (sum over the motors). ``estimator_acc`` excludes gravity.
 """
 
 
@@ -124,7 +124,7 @@ class Fault:
     """One error in the data (or, for ``interpolated``, a useful fact).
 
     ``size`` is in ``unit``; ``minimum_detectable`` is the smallest size that this check finds on this stream, in the
-    same unit; both are nan where a size makes no sense. ``evidence`` is one sentence a person can check.
+    same unit. Both are nan where a size makes no sense. ``evidence`` is one sentence a person can check.
     """
 
     kind: str
@@ -262,8 +262,8 @@ class Flight:
 
     ``flight["imu"]`` is a stream, ``flight[2.0:6.0]`` the flight from 2 to 6 s, on the same time axis.
 
-    metadata contains the recording's sheet as found, plus the keys ``family`` (trajectory type), ``speed`` (``slow`` |
-    ``medium`` | ``fast`` | None), ``reference_speed_m_s`` and ``repetition`` where known.
+    metadata contains the recording's sheet as found. It adds the keys ``family`` (trajectory type), ``speed``
+    (``slow`` | ``medium`` | ``fast`` | None), ``reference_speed_m_s`` and ``repetition`` where known.
     """
 
     name: str
@@ -328,8 +328,8 @@ class Flight:
                     name: str = "flight", metadata: Mapping[str, Any] | None = None) -> Flight:
         """A flight of DataFrames: ``{"mocap": df, ...}``, streams and quantities of ``STREAM_QUANTITIES``.
 
-        The index is seconds, timedeltas or dates; the earliest row becomes time zero. units {stream: {quantity: unit}}
-        (``deg``, ``g``, ``mV``, ``pwm16`` ...); without them those of the columns' second level, else SI. Rows are
+        The index is seconds, timedeltas or dates; the earliest row becomes time zero. Units {stream: {quantity: unit}}
+        (``deg``, ``g``, ``mV``, ``pwm16`` ...) default to those of the columns' second level, else SI. Rows are
         unchanged: the audit finds timestamps that do not rise. Raises InputError with stream, column and row.
         """
         strange = next((s for s in {**frames, **(units or {})} if s not in STREAM_QUANTITIES), None)

@@ -2,8 +2,8 @@
 
 World is the frame of the motion capture, z up. Body is x forward, y left, z up (FLU), right-handed.
 Quaternions are stored x, y, z, w and rotate body vectors into the world: v_world = R(q) v_body.
-Euler angles are ZYX (yaw about z, then pitch about y, then roll about x): q = q_z(yaw) q_y(pitch) q_x(roll);
-a positive pitch is nose down. Motors: 1 front right, 2 back right, 3 back left, 4 front left.
+Euler angles are ZYX (yaw about z, then pitch about y, then roll about x). In quaternions q = q_z(yaw) q_y(pitch)
+q_x(roll); a positive pitch is nose down. Motors: 1 front right, 2 back right, 3 back left, 4 front left.
 """
 
 from __future__ import annotations

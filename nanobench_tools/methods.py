@@ -22,9 +22,9 @@ class Estimate:
     ``time_s`` (n,) s from the first row of the recording, rising; ``position_m`` (n, 3) world; ``quaternion`` (n, 4) x,
     y, z, w body to world; ``velocity_m_s`` (n, 3) world or None.
 
-    Optional uncertainty: covariance (n, 3, 3) of the error of position, (n, 6, 6) of position and velocity or (n, 9, 9)
-    of both and attitude (rotation vector, body); ``nis`` (m,) normalised squared innovations of its measurements, each
-    of nis_dof (m,) dimensions. ``converged``: False for an optimiser that gave up.
+    Optional uncertainty: covariance (n, 3, 3) of the error of position, or (n, 6, 6) of position and velocity. With
+    attitude (rotation vector, body) it is (n, 9, 9); ``nis`` (m,) normalised squared innovations of its measurements,
+    each of nis_dof (m,) dimensions. ``converged``: False for an optimiser that gave up.
     """
 
     time_s: np.ndarray
@@ -68,11 +68,13 @@ class Past:
 
 @dataclass(frozen=True)
 class Windows:
-    """A batch of n prediction windows of H rows, all at ``rate_hz``; row 0 is the start, row j is j steps later.
+    """A batch of n prediction windows of H rows, all at ``rate_hz``. Row 0 is the start, row j is j steps later.
 
-    position_m, velocity_m_s (n, 3) world; quaternion (n, 4); rate_rad_s (n, 3) body: the start state.
-    motor (n, H, 4) PWM ratio and battery_V (n, H): the inputs held over step j to j + 1. motor_past (n, P, 4) and
-    battery_past (n, P): the same over the P rows before the start (the first repeated where there were fewer), or None.
+    - position_m, velocity_m_s (n, 3) world; quaternion (n, 4); rate_rad_s (n, 3) body: the start state.
+    - motor (n, H, 4) PWM ratio and battery_V (n, H): the inputs held over step j to j + 1.
+    - motor_past (n, P, 4) and battery_past (n, P): the same over the P rows before the start (the first repeated where
+      there were fewer), or None.
+
     ``past`` is given to predictors of class ``past`` alone.
     """
 

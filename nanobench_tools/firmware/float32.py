@@ -28,7 +28,7 @@ _FAR = F(36000.0)
 
 @nb.njit(inline="always")
 def clamped(value: Real, low: Real, high: Real) -> Real:
-    """constrain() of num.c; what is no number stays none."""
+    """constrain() of num.c; NaN stays NaN."""
     if value < low:
         return low
     return high if value > high else value

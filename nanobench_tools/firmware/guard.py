@@ -177,7 +177,7 @@ class Guard:
         self._goal, self._wish = np.zeros((n, 3)), np.zeros((3, n, 3))
         self._yaw = np.zeros((2, n, 1))
         self._none = np.zeros((n, 3))
-        speed, acceleration, jerk = self._wish  # what is admitted are views of what is kept
+        speed, acceleration, jerk = self._wish  # admitted arrays are views of the stored ones
         self._state = VehicleState(self._place, self._speed, self._quaternion, self._rate, self._battery[:, 0])
         self._reference = Reference(self._goal, self._yaw[0, :, 0], speed, acceleration, jerk, self._yaw[1, :, 0])
         self._mean = np.zeros((2, n))  # of the commands, and the weight that it rests on so far

@@ -1,7 +1,7 @@
 """The Kalman filter's core (kalman_core.c, mm_position.c, mm_pose.c, kalman_core_params_defaults.h of 2025.12.1).
 
-State: position [m, world], velocity [m/s, **body**], attitude error [rad, body], beside them a quaternion w, x, y, z
-(body to world) and its rotation matrix, which moves only in ``finalize``. No biases, no wind, no drag: in flight the
+State: position [m, world], velocity [m/s, **body**], attitude error [rad, body]. In addition a quaternion w, x, y, z
+(body to world) and its rotation matrix, which changes only in ``finalize``. No biases, no wind, no drag: in flight the
 horizontal specific force is not used. Products with a zero of a sparse matrix are left out; they change no digit.
 """
 
@@ -26,8 +26,8 @@ PARAMETERS = np.dtype([("sd_xy_m", "f4"), ("sd_z_m", "f4"), ("sd_velocity_m_s", 
                        ("position_m", "f4"), ("attitude_rad", "f4"), ("gyro_tilt_rad_s", "f4"),
                        ("gyro_yaw_rad_s", "f4"), ("initial_m", "f4", 3), ("initial_yaw_rad", "f4"),
                        ("reversion", "f4"), ("max_position_m", "f4"), ("max_velocity_m_s", "f4")], align=True)
-"""Group ``kalman``: what is believed at the start (sd), process noise, where it starts, how fast an attitude on the
-ground goes back to the first one, and beyond which state all begins anew (0: never)."""
+"""Group ``kalman``: initial values and their SD, process noise, and how fast an attitude on the ground returns to the
+first one. Also the limit of the state beyond which the filter restarts (0: never)."""
 
 CORE = np.dtype([("state", "f4", 9), ("quaternion", "f4", 4), ("rotation", "f4", (3, 3)), ("covariance", "f4", (9, 9)),
                  ("initial", "f4", 4), ("predicted_ms", "i8"), ("noise_ms", "i8"), ("updated", "i1")], align=True)
@@ -59,7 +59,7 @@ def defaults(n: int = 1) -> np.ndarray:
 
 @nb.njit()
 def initialize(p: Record, s: Record, now_ms: int) -> None:
-    """kalmanCoreInit: the rotation matrix stays one until the first ``finalize``, whatever the yaw."""
+    """kalmanCoreInit: the rotation matrix stays the identity until the first ``finalize``, at any yaw."""
     for i in range(9):
         s.state[i] = ZERO
         for j in range(9):

@@ -1,9 +1,9 @@
 """The task around the Kalman filter's core (estimator_kalman.c, axis3fSubSampler.c, kalman_supervisor.c of 2025.12.1).
 
 One run per step of the 1 kHz loop: predictions at 100 Hz from averages of the IMU, process noise and measurements in
-every run, a new start after a state out of bounds. Measurements carry no time stamp and no delay is compensated.
-The queue's limit of 20 measurements is not copied. What is no number is refused before it comes in; the firmware does
-not look, and never finds back from a pose that holds one.
+every run. A state out of bounds causes a restart. Measurements carry no time stamp and no delay is compensated. The
+queue's limit of 20 measurements is not copied. NaN is refused before it comes in. The firmware does not check, and
+never recovers from a pose with NaN.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ RUN = np.dtype([("t_ms", "i8"), ("flying", "i1"), ("acc_g", "f4", 3), ("gyro_deg
 
 MEASUREMENT = np.dtype([("t_ms", "i8"), ("attitude", "i1"), ("position_m", "f4", 3), ("quaternion", "f4", 4),
                         ("position_sd_m", "f4"), ("attitude_sd_rad", "f4")], align=True)
-"""A pose (``attitude`` 1; quaternion x, y, z, w) or a position, in order of arrival; the run at its tick takes it."""
+"""A pose (``attitude`` 1; quaternion x, y, z, w) or a position, in order of arrival. The run at its tick uses it."""
 
 TASK = np.dtype([("core", CORE), ("sum", "f4", 6), ("samples", "i4"), ("mean", "f4", 6), ("next_ms", "i8"),
                  ("started", "i1"), ("reset", "i1"), ("refused", "i4"), ("resets", "i4")], align=True)

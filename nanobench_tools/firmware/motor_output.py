@@ -27,7 +27,8 @@ ARM_M, YAW_ARM_M = F(0.70710678118) * F(0.046), F(0.0069928948992470565)
 BUILD = np.array([[THRUST_MAX_N, THRUST_MIN_N]], np.float32)
 """(1, 2): newton that a motor is thought to give at 65535 counts, and below which it is given none."""
 EARLIER_BUILD = np.array([[0.1125, 0.02]], np.float32)
-"""The same before 2025.12.1 (platform_defaults_cf2.h of 2025.12). Some recordings flew it, whatever the sheets say."""
+"""The same before 2025.12.1 (platform_defaults_cf2.h of 2025.12). Some recordings were flown with it, although their
+sheets differ."""
 _VOLTAGE_MIN = F(VOLTAGE_MIN_V)
 _voltage_of_thrust = nb.njit(voltage_of_thrust)
 

@@ -86,7 +86,7 @@ class Onboard:
         self._motors = motors
 
     def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
-        """PWM ratios (n, 4), finite and within 0..1 whatever the input."""
+        """PWM ratios (n, 4), finite and within 0..1 for any input."""
         state, reference = self.guard.admit(state, reference)
         estimates(state, self._estimate[0])
         setpoints(reference, self._setpoint[0])

@@ -1,9 +1,9 @@
 """The PID cascade: position -> velocity -> attitude -> rate (controller_pid.c, position_controller_pid.c,
 attitude_pid_controller.c, pid.c, filter.c; gains of platform_defaults_cf2.h).
 
-Position and velocity loops at 100 Hz in the yaw frame, attitude and rate loops at 500 Hz, the rule for no thrust at
-1 kHz. Derivatives act on the measurement, integrals are clamped and not stopped by a saturated output. Velocities and
-accelerations of an absolute setpoint are not used, thrust is not compensated for tilt.
+Position and velocity loops at 100 Hz in the yaw frame; attitude and rate loops at 500 Hz. The rule for zero thrust
+runs at 1 kHz. Derivatives act on the measurement, integrals are clamped and not stopped by a saturated output.
+Velocities and accelerations of an absolute setpoint are not used, thrust is not compensated for tilt.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ PARAMETERS = np.dtype([("block", "f4", (12, len(GAINS))), ("thrust_base", "f4"),
 STATE = np.dtype([("block", "f4", (12, 4)), ("velocity_setpoint", "f4", 3), ("attitude_deg", "f4", 3),
                   ("rate_deg_s", "f4", 3), ("thrust", "f4"), ("roll", "i2"), ("pitch", "i2"), ("yaw", "i2")],
                  align=True)
-"""All zero at power-up. ``block`` holds integral, last measurement and the low pass of the 12 loops; then what is
-wanted: velocity in the yaw frame [m/s], angles [deg], rates [deg/s], thrust and the held outputs [counts]."""
+"""All zero at power-up. ``block`` holds integral, last measurement and the low pass of the 12 loops. The desired
+values follow: velocity in the yaw frame [m/s], angles [deg], rates [deg/s], thrust and the held outputs [counts]."""
 
 
 def low_pass(fs_hz: float, fc_hz: float) -> tuple[float, ...]:

@@ -1,6 +1,6 @@
 """What goes into and comes out of the firmware's controllers, as packed float32 records (stabilizer_types.h).
 
-Angles are degrees with the firmware's legacy pitch (nose up positive), rates deg/s in body axes (FLU, nothing turned),
+Angles are degrees with the firmware's legacy pitch (nose up positive). Rates are deg/s in body axes (FLU, not turned),
 quaternions x, y, z, w body to world. Commands are counts of 65535.
 """
 
@@ -19,7 +19,7 @@ SETPOINT = np.dtype([("mode_x", "i1"), ("mode_y", "i1"), ("mode_z", "i1"), ("mod
                      ("mode_yaw", "i1"), ("mode_quat", "i1"), ("velocity_body", "i1"), ("attitude_deg", "f4", 3),
                      ("rate_deg_s", "f4", 3), ("quaternion", "f4", 4), ("thrust", "f4"), ("position_m", "f4", 3),
                      ("velocity_m_s", "f4", 3), ("acceleration_m_s2", "f4", 3), ("jerk_m_s3", "f4", 3)], align=True)
-"""What is asked for; world axes but for ``velocity_body``, where x and y of the velocity turn with the yaw."""
+"""Commanded state, in world axes. In ``velocity_body``, x and y of the velocity turn with the yaw."""
 
 ESTIMATE = np.dtype([("position_m", "f4", 3), ("velocity_m_s", "f4", 3), ("attitude_deg", "f4", 3),
                      ("quaternion", "f4", 4), ("gyro_deg_s", "f4", 3)], align=True)

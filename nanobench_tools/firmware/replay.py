@@ -33,8 +33,10 @@ MIN_ROWS = 200
 
 @dataclass(frozen=True)
 class Replay:
-    """On time_s (m,): thrust (m,) counts, attitude_rad (m, 3) desired roll, pitch, yaw FLU (nan behind Mellinger, which
-    logs none), motor (m, 4) PWM ratio with the logged battery; on (m,) bool where the motors ran."""
+    """On time_s (m,): thrust (m,) counts, attitude_rad (m, 3) desired roll, pitch, yaw FLU (nan behind Mellinger,
+    which logs none).
+
+    Also motor (m, 4) PWM ratio with the logged battery, and on (m,) bool where the motors ran."""
 
     time_s: np.ndarray
     thrust: np.ndarray
@@ -109,8 +111,8 @@ def _inputs(flight: Flight, controller: str, end_s: float = np.inf,
 
 
 def flown_command(flight: Flight, time_s: np.ndarray, build: np.ndarray = motor_output.BUILD) -> np.ndarray:
-    """Mean command [counts] (m,) of the four motors that the logged PWM and battery amount to: the thrust asked for
-    wherever no motor is at the cap."""
+    """Mean command [counts] (m,) of the four motors from the logged PWM and battery. It is the commanded thrust unless
+    a motor is at the cap."""
     volt = flight["motor"].interpolate(MOTORS, time_s) * flight["battery"].interpolate("vbat", time_s)[:, None]
     return np.asarray(PWM_FULL_SCALE * thrust_of_voltage(volt).mean(axis=1) / float(build[0, 0]))
 

@@ -57,10 +57,10 @@ def time_offset_item(flight: Flight, clock: str, judged: tuple[str, ...]) -> dic
 def on_clock(flights: Sequence[Flight], audits: Mapping[str, Audit], clock: str, judged: Sequence[str] = (),
              store_dir: Path | None = None, jobs: int = 1, scheduler: str | None = None,
              progress: Progress | None = None, known: TimeOffsets = MappingProxyType({})) -> OnClock:
-    """``flights`` (those with an audit) and their audits on ``clock`` (``moving.votes.CLOCKS``), where ``judged``
-    logged estimates are judged. ``known``: time offsets found earlier, with the audit."""
+    """``flights`` (those with an audit) and their audits on ``clock`` (``moving.votes.CLOCKS``). The ``judged`` logged
+    estimates are judged on it. ``known``: time offsets found earlier, with the audit."""
     voices = tuple(sorted(judged))
-    voters(clock, voices)  # an impossible choice is said before anything is computed
+    voters(clock, voices)  # report an impossible choice before anything is computed
     audited = [f for f in flights if f.name in audits]
     if clock == AS_RECORDED:
         return OnClock(audited, dict(audits), {f.name: None for f in audited}, [])

@@ -1,7 +1,7 @@
 """Keys of items: everything that a result depends on, as one hash, so that the store never answers for changed inputs.
 
-A key covers the function, its arguments, the content of the inputs, the methods (own source for one from outside), the
-source of this package and the versions of the numerical libraries.
+A key covers the function, its arguments, the content of the inputs and the methods (own source for one from outside).
+It also covers the source of this package and the versions of the numerical libraries.
 """
 
 from __future__ import annotations
@@ -124,8 +124,8 @@ def _feed(digest: Any, value: Any) -> None:
 
 @functools.cache
 def _source_hash(module_name: str) -> str:
-    """Hash of an outside method: its module or package, the modules of its own that it imports anywhere in its text,
-    and the names and versions of all installed distributions."""
+    """Hash of an outside method: its module or package, and the modules from the same place that it imports anywhere
+    in its text. Includes names and versions of all installed distributions."""
     module_file = getattr(sys.modules.get(module_name), "__file__", None)
     if not module_file:
         return uuid.uuid4().hex
@@ -146,7 +146,7 @@ def _source_hash(module_name: str) -> str:
                 text = path.read_bytes()
                 digest.update(text)
                 queue += sorted(_imported(text), reverse=True)
-            else:  # data beside the source: size and date, it may be large
+            else:  # data next to the source: size and date, it may be large
                 digest.update(repr((path.stat().st_size, path.stat().st_mtime_ns)).encode())
     return digest.hexdigest()
 

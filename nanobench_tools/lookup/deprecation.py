@@ -1,8 +1,8 @@
-"""What was renamed goes on working for one release, with a warning that names the new word.
+"""A former name works for one release, with a warning that gives the new word.
 
 An option: one line of ``FORMER_OPTIONS``; a name behind an option: of ``FORMER_NAMES``. What a module has:
-``__getattr__ = renamed(__name__, {"OLD": "package.module:new"})``; ``new()`` is written for a constant that is asked of
-a function today. The line goes with the release after the one that brought it (``version.py``).
+``__getattr__ = renamed(__name__, {"OLD": "package.module:new"})``; ``new()`` stands for a constant that is a function
+today. The line goes with the release after the one that brought it (``version.py``).
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ def warn_renamed(former: str, today: str) -> None:
 
 
 def todays_options(verb: str, words: Sequence[str]) -> list[str]:
-    """``words`` of a command line with former options and names (``--old 3`` and ``--old=3``) replaced, and a warning
-    for each. Words after ``--`` are not options."""
+    """Replaces former options and names (``--old 3`` and ``--old=3``) among ``words`` of a command line, with a
+    warning for each. Words after ``--`` are not options."""
     former = FORMER_OPTIONS.get(verb, {})
     end = words.index("--") if "--" in words else len(words)
     found = list(words)
@@ -63,7 +63,7 @@ def todays_name(option: str, name: str) -> str:
 
 
 def renamed(module: str, names: Mapping[str, str]) -> Callable[[str], Any]:
-    """A ``__getattr__`` for ``module``: former name -> ``module:name`` of today, ``()`` behind it for one that is
+    """A ``__getattr__`` for ``module``: former name -> ``module:name`` of today. A ``()`` behind it means that it is
     called."""
     def look_up(name: str) -> Any:
         if name not in names:

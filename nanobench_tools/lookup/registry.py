@@ -38,8 +38,8 @@ def added(group: str) -> list[str]:
 
 
 def load(group: str, name: str) -> Any:
-    """The object registered as ``name``, or ``module:Class`` from the import path or the working directory: a user's
-    ``controllers.pid:Pid`` too, beside our ``controllers`` (``user_folder``)."""
+    """The object registered as ``name``, or ``module:Class`` from the import path or the working directory. A user's
+    ``controllers.pid:Pid`` works too, although we have ``controllers`` (``user_folder``)."""
     entries = _entries(group)
     if name in entries:
         check_ours(entries[name].module)

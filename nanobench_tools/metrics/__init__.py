@@ -1,1 +1,1 @@
-"""Metrics, one file per family; each equation stands here once."""
+"""Metrics, one file per family; each equation is here once."""

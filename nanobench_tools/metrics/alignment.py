@@ -87,7 +87,7 @@ def _best_rotation(e: np.ndarray, t: np.ndarray, least: float) -> np.ndarray:
     if not (e.any() and t.any()):
         return np.eye(3)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of a line, where any of the best is asked for
+        warnings.simplefilter("ignore")  # of a line, where any of the best is sufficient
         return np.asarray(Rotation.align_vectors(t, e)[0].as_matrix())
 
 

@@ -1,7 +1,7 @@
 """Truth at an estimator's own stamps: interpolated, never extrapolated, never across a hole in the truth.
 
-Moving the truth to the estimate (not the other way) keeps the estimate as it was given; nothing is matched
-to a nearest neighbour, so no truth row can be used twice.
+Moving the truth to the estimate (not the other way) keeps the estimate as it was given. Rows are not matched to a
+nearest neighbour, so no truth row can be used twice.
 """
 
 from __future__ import annotations

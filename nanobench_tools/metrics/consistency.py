@@ -13,8 +13,8 @@ from scipy.stats import chi2
 
 @dataclass(frozen=True)
 class Consistency:
-    """Mean normalised squared error, expected to be ``dimension``; band = where it lies with ``probability`` if the
-    filter is consistent and the n errors are independent."""
+    """Mean normalised squared error, expected to be ``dimension``, and its band. The mean is in the band with
+    ``probability`` if the filter is consistent and the n errors are independent."""
 
     mean: float
     dimension: int
@@ -50,8 +50,8 @@ def normalised_squared(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 def consistency(error: np.ndarray, covariance: np.ndarray, probability: float = 0.95) -> Consistency:
     """Average NEES (or NIS) with its chi-square band: n mean ~ chi2(n k) if consistent and independent in time.
 
-    Errors of one filter run are correlated in time; then the band is too narrow, and the mean over flights of
-    thinned rows is the honest input.
+    Errors of one filter run are correlated in time, so the band is too narrow. The mean over flights of thinned rows
+    is the honest input.
     """
     values = normalised_squared(error, covariance)
     n, k = np.asarray(error).shape
@@ -63,11 +63,12 @@ def consistency(error: np.ndarray, covariance: np.ndarray, probability: float = 
 
 
 def independent_samples(white: np.ndarray) -> float:
-    """How many independent rows the (n, k) rows are worth where their squares are averaged: n / (1 + 2 sum r_j^2), at
-    least 1, r the autocorrelation of a column about zero, up to where the mean over columns first falls below 0.05.
+    """Number of independent rows to which the (n, k) rows are equivalent where their squares are averaged. It is n /
+    (1 + 2 sum r_j^2), at least 1. Here r is the autocorrelation of a column about zero, up to where the mean over
+    columns first falls below 0.05.
 
-    Squares of Gaussian numbers that hang together by r do so by r^2: Bayley and Hammersley, "The 'effective' number of
-    independent observations in an autocorrelated time series" (1946), for a variance.
+    Squares of Gaussian numbers with correlation r have correlation r^2. Bayley and Hammersley, "The 'effective' number
+    of independent observations in an autocorrelated time series" (1946), for a variance.
     """
     x = np.asarray(white, float)
     n = len(x)

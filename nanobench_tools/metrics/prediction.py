@@ -1,7 +1,7 @@
 """Multi-horizon prediction errors: mean absolute error h = 1..H steps after a window's start.
 
 Source: Busetto et al., "Nonlinear System Identification Nano-drone Benchmark" (2025), eqs. of MAE_h, with two
-mends: windows never cross a flight boundary, and q and -q are the same attitude.
+corrections. Windows never cross a flight boundary, and q and -q are the same attitude.
 """
 
 from __future__ import annotations

@@ -26,8 +26,8 @@ UNKNOWN = -1
 
 FEW_SESSIONS = 5
 """Minimum number of sessions for an interval that is not too narrow. Simulated with sessions of 18, 4, 26 and 20
-flights, intervals cover the mean 90, 85, 81 times in 100 at an intra-class correlation of .14, .3, .6 (67, 51, 37
-over flights alone). With 30 sessions of 4 flights they cover it 98, 97, 95 times."""
+flights, intervals cover the mean 90, 85, 81 times in 100 at an intra-class correlation of .14, .3, .6. Over flights
+alone it is 67, 51, 37. With 30 sessions of 4 flights they cover it 98, 97, 95 times."""
 
 FEW_FLIGHTS = 8
 """Percentile intervals over fewer independent flights are too short; BCa is used (SciPy's)."""
@@ -62,6 +62,7 @@ class Summary(Result):
     """Statistics over n flights, in the unit of their values; undefined ones are None.
 
     std has ddof 0. ci95 is that of the mean, and ``ci_why`` gives the reason if it is missing or not to be trusted.
+
     intra_class: correlation of flights of one session.
     """
 
@@ -102,7 +103,7 @@ def why_not(n: int, sessions: Labels) -> str:
     if sessions is not None and found is None:
         return "sessions unknown (no date): over flights alone, too narrow if flights of a session are alike"
     if found == 1:
-        return "one session, or stamps that are all the same: nothing says how sessions differ"
+        return "one session, or timestamps that are all the same: the difference between sessions is unknown"
     return f"{found} sessions: too narrow to trust" if found is not None and found < FEW_SESSIONS else ""
 
 
@@ -194,8 +195,10 @@ def intra_class(values: np.ndarray, sessions: Labels) -> np.ndarray | None:
     """(...) intra-class correlation of flights (n, ...) of one session, from 0 to 1.
 
     One-way analysis of variance with random effects (Donner 1986, doi:10.2307/1403259): (MSB - MSW) / (MSB + (m0 - 1)
-    MSW), m0 the average size (n - sum m^2 / n) / (sessions - 1). None for unknown sessions, one session, or one flight
-    each.
+    MSW).
+
+    Here m0 is the average size (n - sum m^2 / n) / (sessions - 1). None for unknown sessions, one session, or one
+    flight each.
     """
     x, found = np.asarray(values, float), session_count(sessions)
     if found is None or not 1 < found < len(x):
@@ -244,8 +247,8 @@ def bootstrap_ratio(sums: np.ndarray, counts: np.ndarray, seed: int = 0, probabi
 def summary(values: Sequence[float] | np.ndarray, seed: int = 0, sessions: Labels = None) -> Summary:
     """Of values (n,) over flights. One flight has neither deviation nor interval.
 
-    A flight where the metric is not defined (nan: a path too short, no rotation to align) is left out and n says so;
-    with none left every figure is None. Raises ValueError on infinity: that is a fault, not a figure.
+    A flight where the metric is not defined (nan: a path too short, no rotation to align) is left out, and n counts
+    the rest. With none left every figure is None. Raises ValueError on infinity: that is a fault, not a figure.
 
     >>> found = summary([1.0, 3.0])
     >>> found.std, summary([2.0]).ci95, summary([2.0]).ci_why
@@ -257,7 +260,7 @@ def summary(values: Sequence[float] | np.ndarray, seed: int = 0, sessions: Label
 
 
 def summary_table(values: np.ndarray, seed: int = 0, sessions: Labels = None) -> list[Summary]:
-    """``summary`` of every column of values (n, k), faster than one by one: columns that are defined for the same
+    """``summary`` of every column of values (n, k), faster than one by one. Columns that are defined for the same
     flights share their draws."""
     x = np.asarray(values, float)
     labels = None if sessions is None else np.asarray(sessions, int)
@@ -303,8 +306,8 @@ def _reason(ends: tuple[float, float] | None, why: str) -> str:
 
 
 def paired_ratio(ours: np.ndarray, theirs: np.ndarray, seed: int = 0, sessions: Labels = None) -> list[PairedRatio]:
-    """Of every column: mean of ``ours`` over mean of ``theirs``, both (n, k) one row per flight, the same flights drawn
-    for both; flights that lack either are left out.
+    """Of every column: mean of ``ours`` over mean of ``theirs``, both (n, k) one row per flight, the same flights
+    drawn for both. Flights that lack either are left out.
 
     >>> paired_ratio(np.array([[1.0], [2.0]]), np.array([[2.0], [4.0]]))[0].ratio
     0.5

@@ -1,7 +1,7 @@
 """Where a position error points, along or across the track, and what one constant delay explains of it.
 
-A time error dt of a vehicle at speed v looks like a position error v dt along the track; the error across
-the track is the part that no time error can make or hide.
+A time error dt of a vehicle at speed v looks like a position error v dt along the track. A time error cannot make or
+hide the error across the track.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ def along_across(estimate_m: np.ndarray, truth_m: np.ndarray, velocity_m_s: np.n
 
 @dataclass(frozen=True)
 class Delay:
-    """The one constant delay that fits best: delay_s [s], positive when the estimate is late, the RMS position error
-    [m] with it removed, and the rows (indices) it was computed on."""
+    """The one constant delay that fits best: delay_s [s], positive when the estimate is late. Also the RMS position
+    error [m] with it removed, and the rows (indices) it was computed on."""
 
     delay_s: float
     rmse_after_m: float

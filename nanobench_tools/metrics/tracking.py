@@ -1,7 +1,7 @@
 """How well a vehicle follows its setpoints: position, velocity, heading, divergence, and what a pure lag explains.
 
-position_m, setpoint_m (n, 3) m world at the same times throughout. Source of the published forms: NanoBench,
-Task 2, whose faults (steps in the setpoint velocity, mixed angle units) are kept in functions named ``published_``.
+position_m, setpoint_m (n, 3) m world at the same times throughout. Source of the published forms: NanoBench, Task 2.
+Its faults (steps in the setpoint velocity, mixed angle units) are kept in functions named ``published_``.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def lag(time_s: np.ndarray, position_m: np.ndarray, setpoint_m: np.ndarray,
 
 
 def contour_errors(position_m: np.ndarray, setpoint_m: np.ndarray) -> np.ndarray:
-    """(n,) m: distance of each position to the nearest point of the setpoint's path, whatever its time.
+    """(n,) m: distance of each position to the nearest point of the setpoint's path, at any time.
 
     The path is the polyline through the setpoints; the nearest vertex is found by a tree, then its two sides are tried.
     """

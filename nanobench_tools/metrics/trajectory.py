@@ -39,8 +39,8 @@ def rms(errors: np.ndarray) -> float:
 def ate(estimate_m: np.ndarray, truth_m: np.ndarray, mode: str = "se3", unique: bool = True) -> AbsoluteError:
     """Absolute trajectory error e_i = |R p_est_i + t - p_i| with (R, t) = ``align(..., mode, unique)``.
 
-    estimate_m, truth_m (n, 3) m. Raises AlignmentError if the alignment is not determined, unless ``unique`` is False:
-    the least errors of a point or a straight line are known all the same.
+    estimate_m, truth_m (n, 3) m. Raises AlignmentError if the alignment is not determined, unless ``unique`` is False.
+    The least errors of a point or a straight line are known all the same.
     """
     estimate, truth = checked_pair(estimate_m, truth_m)
     alignment = align(estimate, truth, mode, unique)
@@ -81,9 +81,10 @@ def relative_errors(estimate_m: np.ndarray, estimate_q: np.ndarray, truth_m: np.
                     starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Errors of the relative pose from rows ``starts`` to rows ``ends``: ((k,) m, (k,) rad).
 
-    e_ij = |R_est_i^T (p_est_j - p_est_i) - R_i^T (p_j - p_i)|, each seen in the body frame of its own start, so that
-    neither world frame matters; the angle is that of (R_i^T R_j)^T (R_est_i^T R_est_j).
-    estimate_m, truth_m (n, 3) m; estimate_q, truth_q (n, 4) x, y, z, w body to world.
+    e_ij = |R_est_i^T (p_est_j - p_est_i) - R_i^T (p_j - p_i)|, each in the body frame of its start, so that neither
+    world frame matters. The angle is that of (R_i^T R_j)^T (R_est_i^T R_est_j).
+
+    Inputs: estimate_m, truth_m (n, 3) m; estimate_q, truth_q (n, 4) x, y, z, w body to world.
     """
     estimate, truth = checked_pair(estimate_m, truth_m)
     qe, qt = checked_pair(estimate_q, truth_q, 4)

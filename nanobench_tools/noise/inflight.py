@@ -1,8 +1,9 @@
 """The sensor as it flies: vibration by PWM, spectra, and how fast its integrals leave the motion capture.
 
-Over a time T the gyro's integral and the turn that the poses show differ by the poses' own noise, which does not grow,
-and by N sqrt(T): N is the density that an estimator has to reckon with, with vibration, lost packets and late stamps in
-it. The same for world-vertical velocity, where half a degree of tilt counts little. Mean differences are biases.
+Over a time T, the gyro's integral and the rotation of the poses differ by the poses' own noise, which does not grow,
+and by N sqrt(T). N is the density that an estimator has to assume; it includes vibration, lost packets and late
+timestamps. The same for world-vertical velocity, where half a degree of tilt counts little. Mean differences are
+biases.
 """
 
 from __future__ import annotations
@@ -30,9 +31,12 @@ ROUNDS = count("noise.inflight.rounds")
 
 @dataclass
 class InFlight:
-    """differences {T: [(gyro (3,), vertical)]} of windows, bias per flight taken out; gyro_bias, acc_bias: of flights,
-    z [m/s^2] and body axes [rad/s]; vibration [(pwm, acc SD (3,), gyro SD (3,))] of windows; power {band: [acc, gyro]}
-    densities [(m/s^2)^2/Hz, (rad/s)^2/Hz], mean of axes."""
+    """Statistics of the noise in flight.
+
+    - differences {T: [(gyro (3,), vertical)]}: of windows, bias per flight removed.
+    - gyro_bias, acc_bias: of flights, z [m/s^2] and body axes [rad/s].
+    - vibration [(pwm, acc SD (3,), gyro SD (3,))]: of windows.
+    - power {band: [acc, gyro]}: densities [(m/s^2)^2/Hz, (rad/s)^2/Hz], mean of axes."""
 
     flights: int = 0
     turns: dict[float, list[np.ndarray]] = field(default_factory=lambda: {t: [] for t in OVER_S})
@@ -124,8 +128,8 @@ class InFlight:
         return found
 
     def densities(self) -> tuple[float, float, float, float]:
-        """(gyro, acc densities, gyro, acc bias walks) from the growth of the scatter: s^2 = c^2 + N^2 T + W^2 T^3 / 3,
-        none of them negative; nan without poses."""
+        """(gyro, acc densities, gyro, acc bias walks) from the growth of the scatter: s^2 = c^2 + N^2 T + W^2 T^3 / 3.
+        All are at least zero; nan without poses."""
         from scipy.optimize import nnls
 
         scatter = self.scatter()

@@ -30,8 +30,8 @@ def _quickest(size_m: float, most_m_s2: float) -> CubicSpline:
     """Angle [rad] over time [s] of a lap of the lemniscate with an acceleration of at most ``most_m_s2``, periodic.
 
     With the speed's square b over the way s, db/ds = 2 sqrt(most^2 - (curvature b)^2) at most, and b <= most /
-    curvature: the largest b is found by one sweep each way from the point where the second bound is lowest (Bobrow,
-    Dubowsky, Gibson 1985, doi:10.1177/027836498500400301, for a bound on the length of the acceleration).
+    curvature. One sweep each way from the point where the second bound is lowest finds the largest b. Source: Bobrow,
+    Dubowsky, Gibson 1985, doi:10.1177/027836498500400301, here for a bound on the length of the acceleration.
     """
     angle = np.linspace(0.0, 2.0 * np.pi, POINTS, endpoint=False)
     _, first, second, _ = _lemniscate(angle) * size_m
@@ -60,7 +60,7 @@ def _quickest(size_m: float, most_m_s2: float) -> CubicSpline:
 
 def time_optimal_eight(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
     """The lemniscate of ``figure_eight``, A = ``scale_m``, as quickly as level accelerations up to
-    ``acceleration_m_s2`` allow; changes of the acceleration are drawn out a little, so that the limit is met to a few
+    ``acceleration_m_s2`` allow. Changes of the acceleration are smoothed a little, so that the limit is met to a few
     per cent."""
     size = params["scale_m"]
     speed = _quickest(float(size), float(params["acceleration_m_s2"]))
@@ -89,8 +89,8 @@ def _least_snap(corners: tuple[tuple[float, ...], ...], speed_m_s: float) -> BSp
 
 
 def minimum_snap(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
-    """From (0, 0, ``altitude_m``) through ``waypoints_m`` [[x, y, z], ...] and back with the least snap, at a mean of
-    ``speed_mps`` over the straight lines between them; then it rests there."""
+    """From (0, 0, ``altitude_m``) through ``waypoints_m`` [[x, y, z], ...] and back with the least snap. The mean
+    speed over the straight lines between them is ``speed_mps``; then it rests there."""
     home = (0.0, 0.0, float(params["altitude_m"]))
     corners = (home, *(tuple(float(x) for x in point) for point in params["waypoints_m"]), home)
     spline = _least_snap(corners, float(params["speed_mps"]))

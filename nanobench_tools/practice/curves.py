@@ -2,8 +2,8 @@
 
 ``t`` (n,) s from the start of the path, ``params`` under the names of the NanoBench metadata sheets. The speed is that
 of the mean over a lap (where the published paths use a rounded lap length, so does this). Eight families agree with
-the setpoints logged in the recordings. Of the other four (hover, staircase, waypoints, multisine) sheets are public but
-no recordings: they follow the sheets' words, and what a sheet leaves open is said in the function.
+the setpoints logged in the recordings. The other four (hover, staircase, waypoints, multisine) have public sheets but
+no recordings. They follow the sheets' words, and each function notes where the sheet leaves a choice.
 """
 
 from __future__ import annotations
@@ -156,9 +156,9 @@ def hover_until_landing(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
 
 
 def staircase_climb(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
-    """Stairs ``step_m`` deep to ``x_max_m``, ``z_climb_m`` high in all, at ``speed_mps`` with a rest of ``hold_time_s``
-    after every edge; down again the same way, and so on. The sheet does not define the order; here it is first
-    ahead, then up."""
+    """Stairs ``step_m`` deep to ``x_max_m``, ``z_climb_m`` high in all, at ``speed_mps`` with a rest of
+    ``hold_time_s`` after every edge. Then down again the same way, and so on. The sheet does not define the order;
+    here it is first ahead, then up."""
     stairs = max(round(params["x_max_m"] / params["step_m"]), 1)
     deep, high = params["x_max_m"] / stairs, params["z_climb_m"] / stairs
     k = np.arange(2 * stairs + 1)
@@ -182,7 +182,7 @@ def random_waypoints(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
 
 def multisine_sysid(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
     """Sum of ``num_components`` sines an axis between ``freq_min_hz`` and ``freq_max_hz``, whole cycles in
-    ``period_s``, up to ``x_amplitude_m`` ..., faded within ``fade_s`` at both ends of ``duration_s``.
+    ``period_s``. Amplitudes are up to ``x_amplitude_m`` ..., faded within ``fade_s`` at both ends of ``duration_s``.
 
     The sheet gives neither frequencies nor phases. Here frequencies rise by a constant factor, and no two axes share
     one. Displacements fall with the square of the frequency above the lowest (so that all accelerate alike). Phases are

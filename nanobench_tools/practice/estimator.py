@@ -1,7 +1,7 @@
 """The onboard estimator of the practice flights: the truth, a little late and a little wrong.
 
 Lags and sizes are those of the published recordings after re-timing: position 20 ms, attitude 15 ms, velocity 5 ms
-behind the gyro; position 0.4-1 mm, attitude a few tenths of a degree that wander slowly.
+behind the gyro. Errors: position 0.4-1 mm, attitude a few tenths of a degree that wander slowly.
 """
 
 from __future__ import annotations

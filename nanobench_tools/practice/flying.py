@@ -45,9 +45,11 @@ GROUND_HEIGHT_M = setting("practice.flying.ground_height_m")
 class Flown:
     """n flights on the 100 Hz ticks 0 .. m-1; flight i ends at ``timeline.events[i].end_s``.
 
-    time_s (m,); truth[name] (m, n, k) SI, world and body FLU, at the tick; messages[name] (m, n, k) as the vehicle
-    would log them, sampled ``LOGGED[name][1]`` substeps after the tick; without ``pid`` when the controller does not
-    say what it asks of the attitude (has no ``log``).
+    Recorded flights.
+
+    - time_s (m,); truth[name] (m, n, k): SI, world and body FLU, at the tick.
+    - messages[name] (m, n, k): as the vehicle would log them, sampled ``LOGGED[name][1]`` substeps after the tick.
+      There is no ``pid`` when the controller has no ``log`` of its attitude commands.
     """
 
     time_s: np.ndarray
@@ -78,12 +80,12 @@ def fly(controller: Controller, specs: Sequence[PathSpec], vehicles: Vehicles | 
 
     vehicles: n of them, drawn from the table when None. ``spread`` scales the differences between flights and the
     errors of the estimator; 0 is a perfect vehicle (sensor noise stays). The controller sees the estimate, the gyro
-    and the measured battery, and, unless its ``information`` is ``preview``, references as flown. ``physics`` makes the
-    plant from vehicles, where they stand (n, 3) m and yaw (n,) rad. ``drawn_s``: disturbances are drawn for so long (by
-    default for the longest flight), which makes a flight independent of how long the others are. ``fresh``: the
-    controller sees a new estimate every 2 ms, not every 10 ms; derivatives of the estimate then do not jump once
-    between two logged commands, where no recording shows it.
-    Raises UsageError when the controller's period is not a multiple of 2 ms or its command has the wrong shape,
+    and the measured battery, and, unless its ``information`` is ``preview``, references as flown. ``physics`` makes
+    the plant from vehicles, their initial positions (n, 3) m and yaw (n,) rad. ``drawn_s``: duration for which
+    disturbances are drawn (by default that of the longest flight). A given value makes a flight independent of the
+    length of the others. ``fresh``: the controller sees a new estimate every 2 ms, not every 10 ms. Derivatives of the
+    estimate then do not jump once between two logged commands, where no recording shows it.
+    Raises UsageError when the controller's period is not a multiple of 2 ms or its command has the wrong shape. Raises
     InputError when a command is not a number or lies outside 0..1.
     """
     n = len(specs)

@@ -1,8 +1,8 @@
 """From what the vehicle and the room saw to a recording: packets, losses, late stamps, interpolation, motion capture.
 
-The published files were made so: every message of the vehicle is sent at 100 Hz, some packets are lost, the rest
-are stamped where they arrive, and all columns are interpolated linearly onto the frames of the motion capture. The
-last quarter of a second is a straight line continued, because the streams were shifted by a constant after they ended.
+The published files were made so: every message of the vehicle is sent at 100 Hz, some packets are lost, and the rest
+get a timestamp on arrival. All columns are then interpolated linearly onto the frames of the motion capture. The last
+quarter of a second is a straight line continued, because the streams were shifted by a constant after they ended.
 """
 
 from __future__ import annotations
@@ -29,13 +29,16 @@ ROOM_NOISE = MocapNoise()
 class LoggingChain:
     """What happens to a flight on its way into a file. The defaults are a clean recording as they come.
 
-    loss: lowest and highest share of packets lost per stream; burst: chance that a lost packet is followed by another;
-    longest_gap_s: no stretch without a packet is longer; battery_period_s: of the battery one packet in this time;
-    offset_s, drift, wander_sd_s: error of the vehicle's stamps (positive = late): constant, per second, and standard
-    deviation of a sawtooth common to all streams; tail_s: lowest and highest length of the continued end (0, 0: none);
-    lost_frames: mean number of gaps in the motion capture, of 20-40 ms; mocap: its noise; tilt_deg: lowest and
-    highest angle between the tracked body frame and the IMU, about a random axis; tilt_rad: in its place the rotation
-    vector (x, y, z) from the IMU's body frame to the tracked one, the same in every flight.
+    - loss: lowest and highest share of packets lost per stream; burst: chance that a lost packet is followed by
+      another; longest_gap_s: no stretch without a packet is longer.
+    - battery_period_s: of the battery one packet in this time.
+    - offset_s, drift, wander_sd_s: error of the vehicle's timestamps (positive = late): constant, per second, and
+      standard deviation of a sawtooth common to all streams.
+    - tail_s: lowest and highest length of the continued end (0, 0: none).
+    - lost_frames: mean number of gaps in the motion capture, of 20-40 ms; mocap: its noise.
+    - tilt_deg: lowest and highest angle between the tracked body frame and the IMU, about a random axis.
+    - tilt_rad: in its place the rotation vector (x, y, z) from the IMU's body frame to the tracked one, the same in
+      every flight.
     """
 
     loss: tuple[float, float] = setting("practice.logging_chain.loggingchain_loss")
@@ -66,7 +69,7 @@ PERFECT = LoggingChain(loss=(0.0, 0.0), tail_s=(0.0, 0.0), lost_frames=0.0, moca
 def received(rng: np.random.Generator, ticks: int, share: float, burst: float, longest_gap_s: float) -> np.ndarray:
     """(ticks,) bool: which packets arrive when ``share`` of them is lost in bursts (two-state Markov chain).
 
-    After a lost packet the next is lost with probability ``burst`` (or ``share`` if that is more); runs of losses end
+    After a lost packet the next is lost with probability ``burst`` (or ``share`` if that is more). Runs of losses end
     so that neighbouring packets are never more than ``longest_gap_s`` apart.
     """
     again = max(burst, share)

@@ -60,9 +60,9 @@ def living(flight: Flight) -> Flight:
 
 def with_track_error(flight: Flight, frequency_hz: float | str, amplitude_s: float, seed: int,
                      velocity: bool = False) -> tuple[Flight, np.ndarray]:
-    """``flight`` whose estimated position errs along the track by amplitude times speed, in a sine of
-    ``frequency_hz`` or smoothly at random (RANDOM, the same power), and (n, 3) the error [m] at the estimator's rows.
-    ``velocity``: the estimated velocity errs by its derivative, too."""
+    """``flight`` with an injected along-track error of its estimated position, of amplitude times speed. The error is
+    a sine of ``frequency_hz`` or smoothly random (RANDOM, the same power). Also (n, 3) the error [m] at the
+    estimator's rows. ``velocity``: the estimated velocity errs by its derivative, too."""
     context, stream, rng = Context(flight), flight["estimator"], np.random.default_rng(seed)
     t, truth = stream.time_s, _truth(context)
     if frequency_hz == RANDOM:
@@ -90,8 +90,10 @@ def with_wander(flight: Flight, sd_s: float, seed: int) -> tuple[Flight, ClockEr
 
 def along_track(context: Context, time_offset: TimeOffset | None,
                 lag_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Error of the estimated position along the track [m] (n,), unit vectors of the track (n, 3), rows of the estimator
-    (n,): in the air, where it moves, with ``time_offset`` and the constant ``lag_s`` taken out of the stamps."""
+    """Error of the estimated position along the track [m] (n,), unit vectors of the track (n, 3), rows of the
+    estimator (n,).
+
+    Only moving rows in the air; ``time_offset`` and the constant ``lag_s`` are removed from the timestamps."""
     stream = context.flight["estimator"]
     truth, span = _truth(context), context.once(airborne_spans)
     rows = np.flatnonzero((stream.time_s > span[0].start_s + MARGIN_S) & (stream.time_s < span[-1].end_s - MARGIN_S))

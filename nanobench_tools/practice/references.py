@@ -88,7 +88,7 @@ RECORDED = ("circle", "figure_eight", "helix", "linear_ramp", "oval", "star", "t
 @dataclass(frozen=True)
 class PathSpec:
     """A family with all its parameters; ``speed`` is the label slow | medium | fast. ``turn``: amplitude [rad] and
-    period [s] of a sinusoidal turning to and fro about the vertical along the path, as no published flight does."""
+    period [s] of a sinusoidal rotation about the vertical along the path. No published flight has it."""
 
     family: str
     speed: str

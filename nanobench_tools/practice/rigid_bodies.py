@@ -1,10 +1,11 @@
 """The practice vehicle in the air and on the ground: n rigid bodies at once, RK4.
 
-States are kept component first, (17, n), so that every operation runs over the vehicles; what is evaluated four times a
-step is compiled. ``Plant`` shows states with the vehicle first. Nothing sums over vehicles, so a vehicle flies the same
+States are kept component first, (17, n), so that every operation runs over the vehicles. The parts that are evaluated
+four times a step are compiled. ``Plant`` shows states with the vehicle first. Nothing sums over vehicles, so a vehicle
+flies the same
 alone as in a crowd.
-Equations (DESIGN terms): m dv/dt = sum T_i R e3 - drag - m g e3 + contact, J dw/dt = tau - w x J w,
-tau dT_i/dt = T_cmd_i - T_i, T_cmd_i = scale gain_i cubic(u_i V). Signs of the moments: ``frames.MOTOR_SIGNS``.
+Equations: m dv/dt = sum T_i R e3 - drag - m g e3 + contact, J dw/dt = tau - w x J w. Motors: tau dT_i/dt = T_cmd_i -
+T_i, T_cmd_i = scale gain_i cubic(u_i V). Signs of the moments: ``frames.MOTOR_SIGNS``.
 """
 
 from __future__ import annotations
@@ -49,8 +50,8 @@ def battery_load(motor: np.ndarray, resistance_ohm: np.ndarray, conductance_A_V:
 
 @nb.njit(cache=True)
 def legs(depth_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
-    """Specific force (3, n) m/s^2 of legs that are pressed in by depth (n,), at velocity (3, n) world: spring, damper
-    and friction; zero for a vehicle in the air."""
+    """Specific force (3, n) m/s^2 of legs that are pressed in by depth (n,), at velocity (3, n) world. It has spring,
+    damper and friction, and is zero for a vehicle in the air."""
     out = np.zeros((3, len(depth_m)))
     for i in range(len(depth_m)):
         if depth_m[i] > 0.0:

@@ -1,8 +1,9 @@
 """Task 3, aided: motion capture poses all along, but few, late, noisy and some lost; all other streams whole.
 
-A pose that was measured at t arrives at t + delay. The stamps an estimator gets in ``flight.streams["mocap"]`` are
-those of arrival, on the same clock as all other streams: whoever uses nothing stamped later than t is causal. The
-delay it was told is in ``flight.metadata["pose_delay_s"]``; subtracted from a stamp it gives the time of measurement.
+A pose that was measured at t arrives at t + delay. The timestamps an estimator gets in ``flight.streams["mocap"]`` are
+those of arrival, on the same clock as all other streams. An estimator that uses only samples stamped up to t is
+causal. The delay given to the estimator is in ``flight.metadata["pose_delay_s"]``; subtracted from a timestamp it
+gives the time of measurement.
 """
 
 from __future__ import annotations
@@ -23,8 +24,12 @@ from .task3 import AIDED, Case, is_logged, score_given
 
 @dataclass(frozen=True)
 class Aiding:
-    """How poses come: rate_hz per second, delay_s after they were measured, noise_m SD of each axis of the position
-    (white; the attitude stays as captured), loss 0..1 the share that never arrives (each by itself)."""
+    """Delivery of poses.
+
+    - rate_hz: per second.
+    - delay_s: after they were measured.
+    - noise_m: SD of each axis of the position (white; the attitude stays as captured).
+    - loss 0..1: the share that never arrives, independently."""
 
     rate_hz: float = 10.0
     delay_s: float = 0.03

@@ -2,7 +2,7 @@
 thing changed at a time.
 
 The clock of ``offset`` and ``retimed`` cases must be set without the estimated position and velocity
-(``moving.votes``), else judging the estimate on it is circular. Replay: the firmware's filter on the re-timed IMU
+(``moving.votes``). Otherwise judging the estimate on it is circular. Replay: the firmware's filter on the re-timed IMU
 with a pose every 10 ms, undelayed.
 """
 
@@ -66,7 +66,7 @@ def _held_rows(filters: Filters, case: Case, retimed: Case) -> Estimate:
 
 
 def _with_drag(filters: Filters, case: Case, retimed: Case) -> Estimate:
-    """Motors that stand: the filter then integrates all of the accelerometer, not thrust alone, and so sees drag."""
+    """Stopped motors: the filter then integrates all of the accelerometer, not thrust alone, and so sees drag."""
     flight = given_to(retimed, WHOLE)
     motor = flight["motor"]
     return filters.firmware().estimate(flight.with_streams(motor=replace(motor, values=np.zeros_like(motor.values))))

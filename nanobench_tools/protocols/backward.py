@@ -1,7 +1,7 @@
 """Information at a moment from the past only: velocity from earlier poses, vehicle streams as far as they had arrived.
 
-The published start of Task 1 contains some of the future: its velocity is a centred filter over eleven poses, and every
-row of a stream interpolated between packets contains part of the next packet.
+The published start of Task 1 contains some of the future. Its velocity is a centred filter over eleven poses, and
+every row of a stream interpolated between packets contains part of the next packet.
 """
 
 from __future__ import annotations
@@ -19,8 +19,10 @@ CENTRED_ROWS = 5
 
 
 def velocity(time_s: np.ndarray, position_m: np.ndarray, rows: np.ndarray, back: int = 0) -> np.ndarray:
-    """(n, back + 1, 3) m/s at ``rows`` (n,) and the ``back`` rows before each, oldest first: derivative of the
-    polynomial of ORDER through the last ROWS positions up to ``rows``, at their timestamps.
+    """(n, back + 1, 3) m/s at ``rows`` (n,) and the ``back`` rows before each, oldest first.
+
+    It is the derivative of the polynomial of ORDER through the last ROWS positions up to ``rows``, at their
+    timestamps.
 
     time_s (m,) s, position_m (m, 3) m. The first rows of a recording have fewer predecessors: the first is repeated
     there with weight zero in the fit.
@@ -42,7 +44,7 @@ def newest(flight: Flight, stream: Stream, at_s: np.ndarray) -> np.ndarray:
     """(n,) newest row of ``stream`` that was whole at ``at_s`` (n,) s.
 
     For a stream with its own timestamps, the last row not later. For one on the rows of the motion capture, a row is
-    whole when the packet after it has come, which shows as a bend of a later row. The packet may have come on either
+    whole when the packet after it has arrived. A bend of a later row shows that. The packet may have come on either
     side of the bend, so the row before it counts.
     """
     last = np.searchsorted(stream.time_s, at_s + 1e-9, side="right") - 1

@@ -1,7 +1,7 @@
 """How wrong and how sure over time: single estimates with what they say of themselves, for pictures.
 
-Of ``aided`` the flight whose error is the median of a method's, of ``blackout`` the longest window whose end error is;
-the same one for every method. Whoever wants another flight gives that one alone.
+For ``aided``, the flight whose error is the median of a method's. For ``blackout``, the longest window whose end error
+is; the same one for every method. Whoever wants another flight gives that one alone.
 """
 
 from __future__ import annotations

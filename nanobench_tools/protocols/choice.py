@@ -22,8 +22,8 @@ FEWEST = 2
 
 
 def held_out(cases: Sequence[Case], groups: int = GROUPS) -> list[tuple[list[Case], list[Case]]]:
-    """(flights to fit, flights held out) of every group; one pair with the same flights in both where there are fewer
-    than FEWEST, which is then no holding out."""
+    """(flights to fit, flights held out) of every group. With fewer than FEWEST flights it is one pair with the same
+    flights in both, so none is held out."""
     if len(cases) < FEWEST:
         return [(list(cases), list(cases))]
     count = min(groups, len(cases))

@@ -76,8 +76,8 @@ def methods(rows: Sequence[EstimateRow], scores: Mapping[str, Scores], labels: M
 
 def clocks(rows: Sequence[EstimateRow], per_flight: Sequence[FlightScore], windows: Sequence[WindowScore],
            recorded: str, labels: Mapping[str, int], seed: int = 0) -> list[EstimateRow]:
-    """Rows on another clock compared with the same method as ``recorded``, from the scores of single flights, and of
-    dead reckoning from the windows that both clocks have."""
+    """Compares rows on another clock with the same method as ``recorded``, from the scores of single flights. For dead
+    reckoning it uses the windows that both clocks have."""
     scores: dict[tuple[str, str, str], dict[str, Metrics]] = {}
     by_clock: dict[tuple[str, str], list[WindowScore]] = {}
     for one in per_flight:
@@ -224,8 +224,8 @@ class GateChange(Result):
 
 def gates(rows: Sequence[GateRow], recorded: Sequence[GateRow], labels: Mapping[str, int],
           seed: int = 0) -> dict[str, GateChange]:
-    """By what is compared, of the gate on another clock over the same flights as
-    ``recorded``: path gap, how far lag and RMSE ratio are off, and the share of flights that fail."""
+    """The gate on another clock against the same flights as ``recorded``: path gap, errors of lag and RMSE ratio, and
+    the share of flights that fail."""
     ours, theirs = ({row.flight: _gate_errors(row) for row in found} for found in (rows, recorded))
     names = [name for name in ours if name in theirs]
     if not names:

@@ -2,8 +2,8 @@
 
 A case is a held-out recording from its first to its last airborne time, as far as its log is alive. The repeated flight
 (``controllers.plants.gate_flights``) gets setpoints, battery, radio gaps and the initial state as logged, and no more.
-It passes if the RMSE to the setpoints is within RATIO of the real one, the lag behind them within LAG_S, and the median
-distance of the two paths below GAP_M.
+It passes on three conditions: the RMSE to the setpoints is within RATIO of the real one, the lag behind them within
+LAG_S, and the median distance of the two paths below GAP_M.
 """
 
 from __future__ import annotations
@@ -91,9 +91,9 @@ class GateRow(Result):
 class GateSummary(Result):
     """Summary over n flights of one controller, or all.
 
-    Shares of flights that pass as a whole and in each quantity, medians, and whether the aim is reached (RMSE ratio on
-    SHARE of flights, median lag difference and median gap). ``statistics``: intervals of shares and means. ``off``:
-    absolute differences.
+    Shares of flights that pass as a whole and in each quantity, medians, and whether the aim is reached. The aim is
+    the RMSE ratio on SHARE of flights, the median lag difference and the median gap. ``statistics``: intervals of
+    shares and means. ``off``: absolute differences.
     """
 
     n: int

@@ -51,9 +51,9 @@ def flown_spans(flight: Flight, airborne: Iterable[Span]) -> tuple[Span, ...]:
 def streamed_phase(flight: Flight, valid: Iterable[Span] | None = None) -> Span | None:
     """The stretch in which a path was streamed to the vehicle, between hover and landing; or None.
 
-    From the setpoint stream alone: the longest stretch in which the horizontal setpoint moves, without the jumps to the
-    start of the path and to the landing place. Planned take-off and landing hold x and y still. ``valid``: spans in
-    which the setpoints are to be trusted; a log that stopped is followed only up to its stop.
+    From the setpoint stream alone: the longest stretch in which the horizontal setpoint moves. Jumps to the start of
+    the path and to the landing place do not count. Planned take-off and landing hold x and y still. ``valid``: spans
+    in which the setpoints are to be trusted; a log that stopped is followed only up to its stop.
     """
     setpoint = flight["setpoint"]
     rows = np.ones(len(setpoint), bool) if valid is None else mask_of(valid, setpoint.time_s)
@@ -85,6 +85,6 @@ def _jump_rows(speed: np.ndarray) -> int:
 
 
 def tracking_spans(flight: Flight, valid: tuple[Span, ...]) -> tuple[Span, ...]:
-    """``streamed_phase`` where ``valid``; empty if there is none."""
+    """``streamed_phase`` where ``valid``; empty without one."""
     phase = streamed_phase(flight, valid)
     return () if phase is None else intersect_spans([phase], valid)

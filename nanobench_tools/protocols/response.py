@@ -1,10 +1,10 @@
 """Is a predictor a vehicle? Its answer to a command that is added to the inputs of real windows.
 
-A step of PWM, as a controller would command roll, pitch, yaw or thrust, is added to and subtracted from the logged
-inputs of a window from its start on. Everything else is unchanged. Half the difference of the two predictions is the
-answer: of the body rate [rad/s], for thrust of the velocity [m/s] along the body's z at the start. A predictor that
-turns the other way than its motors push, or not at all, may predict flights well but is unsuitable as a plant. Any
-predictor is tested through the same contract.
+A step of PWM, as a controller would command roll, pitch, yaw or thrust, is added to the logged inputs of a window from
+its start on. In a second prediction it is subtracted. Everything else is unchanged. Half the difference of the two
+predictions is the response. It is the body rate [rad/s], or for thrust the velocity [m/s] along the body's z at the
+start. A predictor that turns the other way than its motors push, or not at all, may predict flights well but is
+unsuitable as a plant. Any predictor is tested through the same contract.
 
 The size is compared with rigid-body physics: the firmware's thrust curve and yaw arm, mass, inertia and geometry of the
 vehicle. Only the motor lag comes from recordings of flights.
@@ -28,8 +28,8 @@ from .windows import cut_windows
 
 MIX = {"roll": (-1.0, -1.0, 1.0, 1.0), "pitch": (-1.0, 1.0, 1.0, -1.0), "yaw": (-1.0, 1.0, -1.0, 1.0),
        "thrust": (1.0, 1.0, 1.0, 1.0)}
-"""Motors 1..4 (front right, back right, back left, front left): direction of each push, as in the firmware's X mixer,
-in axes x forward, y left, z up. Motors 2 and 4 turn the vehicle to the left."""
+"""Motors 1..4 (front right, back right, back left, front left): direction of each push, as in the firmware's X mixer.
+Axes are x forward, y left, z up. Motors 2 and 4 turn the vehicle to the left."""
 STEP = number("prediction.response.step")
 AFTER_ROWS = {"0.1": 10, "0.2": 20, "0.5": 50}
 """Seconds after the step -> rows; the verdict hears all of them."""

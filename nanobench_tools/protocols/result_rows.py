@@ -83,9 +83,10 @@ class ClockRatios(Ratios):
 class EstimateRow(Result):
     """One method over the n flights of one group: summaries over flights, of blackouts each flight's mean.
 
-    ``given``: what it was given, in words; ``inputs``: the same in short, equal for methods that may be ranked against
-    each other; ``aiding``: how poses came; ``clock_evidence``: the streams that set the clock, for attitudes too where
-    these are others; ``n_moving``: flights whose clock moved; ``ratios`` to another method, ``clock_ratios`` to itself.
+    ``given``: its inputs, in words; ``inputs``: the same in short, equal for methods that may be ranked against each
+    other; ``aiding``: how poses came; ``clock_evidence``: the streams that set the clock, for attitudes too where
+    these are others; ``n_moving``: flights whose clock moved; ``ratios`` to another method, ``clock_ratios`` to
+    itself.
     """
 
     protocol: str
@@ -145,8 +146,11 @@ class Answer(Result):
 
 @dataclass(frozen=True, repr=False)
 class AxisAnswer(Result):
-    """About one axis: sign ``right``, ``wrong`` or ``none``; ratio to the physics; answers by seconds after the step;
-    right_share: of the windows whose own answer has the right sign."""
+    """About one axis.
+
+    - sign: ``right``, ``wrong`` or ``none``; ratio: to the physics.
+    - answers: by seconds after the step.
+    - right_share: of the windows whose own response has the right sign."""
 
     sign: str
     ratio: float

@@ -30,8 +30,8 @@ def published_metrics(estimate_m: np.ndarray, truth_m: np.ndarray, estimate_m_s:
 
 
 def attitude_metrics(estimate_q: np.ndarray, truth_q: np.ndarray) -> dict[str, float]:
-    """Attitude errors of (n, 4) quaternions [deg]: Euler over three axes and per axis, geodesic, and geodesic without
-    the one constant rotation between the two body frames."""
+    """Attitude errors of (n, 4) quaternions [deg]: Euler over three axes and per axis, and geodesic. Also geodesic
+    without the one constant rotation between the two body frames."""
     errors = np.degrees(attitude.euler_errors(so3.euler_zyx(estimate_q), so3.euler_zyx(truth_q)))
     per_axis = {f"{axis}_rmse_deg": trajectory.rms(errors[:, i]) for i, axis in enumerate(("roll", "pitch", "yaw"))}
     turned = attitude.without_constant_rotation(estimate_q, truth_q)
@@ -79,9 +79,9 @@ def consistency_metrics(estimate: Estimate, rows: np.ndarray, truth_m: np.ndarra
 
     ``nees``: mean normalised squared error, 3 if consistent. Errors of one run hang together in time, so that k rows
     count as ``nees_samples``, from the autocorrelation of the whitened error; ``nees_in_band`` is 1 if the mean lies
-    in the 95 % band of chi-square for so many, else 0 (over flights: the share), which holds 95 % of the runs of a
-    consistent estimator. ``nis``: mean over the measurements' dimensions, 1 if consistent, its band taken as if
-    innovations were white, which they are if the filter is right.
+    in the 95 % band of chi-square for so many, else 0 (over flights: the share). The band contains 95 % of the runs of
+    a consistent estimator. ``nis``: mean over the measurements' dimensions, 1 if consistent. Its band assumes white
+    innovations, which they are if the filter is right.
     Empty if the estimate does not say how sure it is; nan where a covariance is not positive definite.
     """
     found: dict[str, float] = {}

@@ -56,7 +56,7 @@ class Sessions:
 
 
 def stamp_of(recording: Any) -> float:
-    """Unix time [s] of its start; 0 if unknown, as for a thrust stand."""
+    """Unix time [s] of its start; 0 if unknown, as for a thrust-stand table."""
     return float(getattr(recording, "epoch_s", 0.0))
 
 
@@ -77,8 +77,8 @@ def sessions_of(recordings: Sequence[Any]) -> dict[str, int]:
 
 @dataclass(frozen=True, repr=False)
 class Drawn(Result):
-    """Basis of a row's intervals: the number of sessions of its flights, the design effect of each metric (in Task 1 by
-    horizon), and the reason for missing or unreliable intervals (empty without one)."""
+    """Basis of a row's intervals: the number of sessions of its flights, and the design effect of each metric (in Task
+    1 by horizon). Also the reason for missing or unreliable intervals (empty without one)."""
 
     sessions: int | None
     design_effect: Mapping[str, float | Mapping[str, float | None] | None]
@@ -92,8 +92,9 @@ class Drawn(Result):
 
 
 def interval_note(rows: Iterable[Any], metrics: Sequence[str] = ()) -> str:
-    """Notes on the intervals of a table and their reliability: of its ``rows`` (results, or the content of their files)
-    with most flights, over ``metrics`` (empty: all). Empty for rows without sessions (old results)."""
+    """Notes on the intervals of a table and their reliability. They describe the one of its ``rows`` (results, or the
+    content of their files) with most flights, over ``metrics`` (empty: all). Empty for rows without sessions (old
+    results)."""
     rows = [row for row in to_json(list(rows)) if "sessions" in row]
     most = max((_flights(row) for row in rows), default=0)
     widest = [row for row in rows if _flights(row) == most]
@@ -121,7 +122,7 @@ def interval_note(rows: Iterable[Any], metrics: Sequence[str] = ()) -> str:
 def short_note(rows: Iterable[Any]) -> str:
     """``interval_note`` without what it says of design effects."""
     text = interval_note(rows).partition(" Over flights alone")[0]
-    return text.replace(": nothing says how sessions differ", "")
+    return text.replace(": the difference between sessions is unknown", "")
 
 
 def parameters_note(labels: np.ndarray) -> str:

@@ -17,8 +17,8 @@ from ..results.result import OPTIONAL, Result
 
 TICK_S = 0.01
 HOVER_S, SETTLED_S = 4.0, 3.0
-"""Hover before a path begins, in which integrators find the thrust; and the time after that before scoring begins,
-since the path begins at full speed."""
+"""Hover before a path begins, in which integrators find the thrust. Then the time before scoring begins, since the
+path begins at full speed."""
 SECONDS = 12.0
 SPEEDS_M_S = (0.5, 1.0)
 AHEAD_S = 3.0
@@ -33,8 +33,8 @@ LOST_M = 2.0
 
 @dataclass(frozen=True, repr=False)
 class ErrorBar(Result):
-    """Error of a simulated RMSE, from the gate over n flights ``of`` a source: median and 90th percentile of the
-    relative error, and the median distance of the two paths."""
+    """Error of a simulated RMSE, from the gate over n flights ``of`` a source. It has median and 90th percentile of
+    the relative error, and the median distance of the two paths."""
 
     rmse_share: float
     rmse_share_p90: float
@@ -67,8 +67,8 @@ class SampledFlight(Result):
 
 @dataclass(frozen=True, repr=False)
 class Runs(Result):
-    """One controller on many plants: scores of every plant (or of every one of ``cases``) on every path; flights of the
-    median plant, commands by duration, replaced commands, and every plant's recovery on the first path."""
+    """One controller on many plants: scores of every plant (or of every one of ``cases``) on every path. Also flights
+    of the median plant, commands by duration, replaced commands, and every plant's recovery on the first path."""
 
     controller: str
     information: str
@@ -104,8 +104,9 @@ class Quantiles(Result):
 
 @dataclass(frozen=True, repr=False)
 class SimulatedRow(Result):
-    """One controller on n plants along one path. ``metrics`` are medians, except ``worst_decile_m``, the RMSE that one
-    plant in ten exceeds, and the share of lost ones. gust and outage: recovery, on the first path."""
+    """One controller on n plants along one path. ``metrics`` are medians, except ``worst_decile_m`` and the share of
+    lost vehicles. One plant in ten exceeds ``worst_decile_m``, an RMSE. gust and outage: recovery, on the first path.
+    """
 
     plant: str
     controller: str

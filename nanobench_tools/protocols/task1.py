@@ -66,9 +66,11 @@ class WindowErrors(Result):
 class PredictionRow(Result):
     """One model on one group of windows.
 
-    metrics {name: {"1", "10", "50", "sum"}}: means over windows. ci95: the same over sessions and flights, None where
-    ``drawn`` gives a reason; its design effects are of the flights' means. Group ``all`` also has curve {name: [h =
-    1..50]} and the answer to commands. fit: notes on a fitted model.
+    metrics {name: {"1", "10", "50", "sum"}}: means over windows.
+
+    ci95: the same over sessions and flights, None where ``drawn`` gives a reason; its design effects are of the
+    flights' means. Group ``all`` also has curve {name: [h = 1..50]} and the answer to commands. fit: notes on a fitted
+    model.
     """
 
     model: str
@@ -166,8 +168,8 @@ def split(flights: Sequence[Flight], audits: Mapping[str, Audit]) -> Split:
 
 
 def given_split(train: Sequence[Flight], test: Sequence[Flight], audits: Mapping[str, Audit]) -> Split:
-    """The user's split. A test recording that shares rows with a training one (copy, slice, or the whole of a slice) is
-    left out, and so are copies and slices within each."""
+    """The user's split. A test recording that shares rows with a training one (copy, slice, or the whole of a slice)
+    is left out. So are copies and slices within each."""
     kept_train = distinct(train)[0]
     others, shared = apart(train, test)
     kept_test = distinct(others)[0]
@@ -220,8 +222,8 @@ def score(case: Case, predictor: Predictor, truth: str, start: str = "centred") 
     """Scores of one predictor on one flight. ``start``: as in ``cut_windows``. Only predictors of class ``past`` get
     the streams before the start.
 
-    Raises InputError that names predictor and flight if the prediction has the wrong shape, is not finite, or contains
-    quaternions that are not of unit length.
+    Raises InputError with predictor and flight if the prediction has the wrong shape or is not finite. The same
+    applies to quaternions that are not of unit length.
     """
     place = case.flight.provenance.path
     cut = cut_windows(case.flight, case.spans, truth, past=predictor.information == "past", start=start,

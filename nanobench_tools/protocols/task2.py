@@ -1,8 +1,8 @@
 """Task 2, control on logged flights (plant ``real``): the published rows, and the flights scored as they should be.
 
-As published: from the first to the last row with a setpoint, take-off, landing and the wait on the ground included, log
-tails not cut, and setpoint degrees taken for radians. Corrected: only the phase in which a path is streamed, where the
-logs are good. Both are ``as flown``: the controllers got position setpoints without derivatives.
+As published: from the first to the last row with a setpoint, including take-off, landing and the wait on the ground.
+Log tails are not cut, and setpoint degrees are taken for radians. Corrected: only the phase in which a path is
+streamed, where the logs are good. Both are ``as flown``: the controllers got position setpoints without derivatives.
 """
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ def score_tracking(case: Case) -> Tracked:
     """Tracking metrics over the streamed phase, angles in one unit, setpoint velocity without steps.
 
     ``rmse_lag_removed_m`` is left after the one best shift ``lag_s`` of the reference; ``contour_rmse_m`` is the
-    distance to the path whatever the time; ``z_bias_m`` the mean height error. What needs neighbours is taken over the
+    distance to the path at any time; ``z_bias_m`` the mean height error. What needs neighbours is taken over the
     longest stretch without a break.
     """
     time_s, position, velocity, setpoint, yaw, setpoint_yaw = _rows(case.flight)

@@ -43,8 +43,8 @@ from .sessions import Drawn, Sessions
 
 PROTOCOLS = ("as-published", "as-published-corrected", "clean")
 BLACKOUT, AIDED, WHOLE_FLIGHT = "blackout", "aided", "whole-flight"
-"""Same recordings as ``clean``, with other inputs and scores (``blackout``, ``aided``, ``whole_flight``); only on
-request."""
+"""Same recordings as ``clean``, with other inputs and scores (``blackout``, ``aided``, ``whole_flight``). They run
+only on request."""
 
 KNOWN = (*PROTOCOLS, AIDED, BLACKOUT, WHOLE_FLIGHT)
 PUBLISHED = PROTOCOLS[:2]
@@ -184,14 +184,13 @@ def _runs(time_s: np.ndarray, on: np.ndarray) -> tuple[Span, ...]:
 
 
 def is_logged(method: Estimator) -> TypeGuard[OnboardEkf]:
-    """Whether ``method`` is the vehicle's estimate in flight. A user's method never is, whatever attributes it
-    defines."""
+    """Whether ``method`` is the vehicle's estimate in flight. A user's method never is, even with such attributes."""
     return type(method) is OnboardEkf
 
 
 def given_to(case: Case, method: Estimator | None = None) -> Flight:
     """The flight as ``method`` (None: any user's) gets it: poses until GIVEN_S after the start of the first span, no
-    rows after the last; no motion capture for estimates logged in flight."""
+    rows after the last. Estimates logged in flight get no motion capture."""
     start, end = case.spans[0].start_s, case.spans[-1].end_s
     cut = case.flight.without_streams("mocap").during(Span(-np.inf, end))
     if method is not None and is_logged(method):
@@ -348,7 +347,7 @@ def _mocap_euler(flight: Flight, at_s: np.ndarray) -> np.ndarray:
 
 
 def given_and_trained(method: Estimator, given: str) -> str:
-    """Inputs of a method in words (its ``given``, else that of the protocol), and its training data, if it has
+    """Inputs of a method in words (its ``given``, else that of the protocol). Also its training data, if it has
     ``trained_on``."""
     reported = str(getattr(method, "given", given))
     return f"{reported}; {trained}" if (trained := getattr(method, "trained_on", "")) else reported

@@ -28,7 +28,7 @@ PAST_ALL = 250
 LOST_FRAME = number("tasks.windows.lost_frame")
 
 STARTS = ("centred", "past")
-"""As published: what is stored at the start, which knows some of the 50 ms after it; and with the past alone."""
+"""As published: the stored values at the start, which use some of the 50 ms after it. And with the past alone."""
 
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
 FORCE = ("acc_x", "acc_y", "acc_z")
@@ -74,15 +74,15 @@ def cut_windows(flight: Flight, spans: Sequence[Span], truth: str, past: bool = 
                 recorded: Flight | None = None) -> tuple[Windows, Prediction] | None:
     """(what a predictor gets, what came) for all windows of a flight; None when no window fits.
 
-    Start state: mocap position and velocity, gyro rate, attitude from the stream of ``truth`` (key of TRUTHS); inputs:
-    logged PWM and battery of the window and of the PAST rows before it, the first row of its stretch repeated where
-    there are fewer. The truth of the rate is the gyro, of the attitude the same stream as the start. ``past`` adds all
-    streams over the PAST_ALL rows before the start.
+    Start state: mocap position and velocity, gyro rate, attitude from the stream of ``truth`` (key of TRUTHS). Inputs:
+    logged PWM and battery of the window and of the PAST rows before it. Where there are fewer rows, the first row of
+    its stretch is repeated. The truth of the rate is the gyro, of the attitude the same stream as the start. ``past``
+    adds all streams over the PAST_ALL rows before the start.
 
-    start (one of STARTS): ``centred``, the stored rows; ``past``, only what had come by then: velocity from poses up
-    to the start, gyro and onboard attitude from their newest whole row, on the clock of ``recorded`` (where the
-    streams of ``flight`` were moved by a clock that was found from the whole of it). What comes, and the inputs, are
-    the same.
+    start (one of STARTS): ``centred``, the stored rows; ``past``, only data that had arrived by then: velocity from
+    poses up to the start, gyro and onboard attitude from their newest whole row. They are on the clock of
+    ``recorded``, where the streams of ``flight`` were moved by a clock that was estimated from the whole flight. What
+    comes, and the inputs, are the same.
     """
     if start not in STARTS:
         raise UsageError(f"start is {start!r}; it can be {', '.join(STARTS)}")
@@ -124,9 +124,9 @@ def start_times(flight: Flight, spans: Sequence[Span]) -> np.ndarray:
 
 
 def looking_back(windows: Windows, flight: Flight, at_s: np.ndarray, before_s: np.ndarray, truth: str) -> Windows:
-    """``windows`` that start at ``at_s`` (n,) s, their past rows at ``before_s`` (n, PAST_ALL), with what had come by
-    then of ``flight``, its streams on the clock they were recorded on. Rows of ``past`` that had not come hold the
-    newest that had."""
+    """``windows`` that start at ``at_s`` (n,) s, their past rows at ``before_s`` (n, PAST_ALL). Also the data of
+    ``flight`` that had arrived by then, its streams on the clock they were recorded on. Rows of ``past`` that had not
+    come hold the newest that had."""
     mocap, imu, attitude = flight["mocap"], flight["imu"], flight[TRUTHS[truth]]
     back = CENTRED_ROWS - 1
     pose = np.maximum(np.searchsorted(mocap.time_s, at_s + SAME_STAMP_S, side="right") - 1, 0)

@@ -1,10 +1,10 @@
 """A user's package that has the name of one of ours (``controllers``, ``estimators``, ``identification``).
 
-Python knows one module of a name. So the modules of a folder with such a package are loaded under another name:
-``controllers.pid`` becomes ``nanobench_tools.lookup.user_folder.in_XYZ.controllers.pid``, where XYZ is the coded path
-of the folder. The name gives the place, so another process can import what was sent to it. In these modules
-``from controllers.gains import Gains`` means the user's file: each has an ``__import__`` that looks into the folder
-first. ``importlib.import_module`` with an absolute name does not use it and finds ours.
+Python knows one module of a name. So the modules of a folder with such a package are loaded under another name. For
+``controllers.pid`` it is ``nanobench_tools.lookup.user_folder.in_XYZ.controllers.pid``, where XYZ is the coded path of
+the folder. The name gives the place, so another process can import what was sent to it. In these modules ``from
+controllers.gains import Gains`` means the user's file: each has an ``__import__`` that looks into the folder first.
+``importlib.import_module`` with an absolute name does not use it and finds ours.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ INSTALLED = {Path(sysconfig.get_path(key)).resolve() for key in ("stdlib", "pure
 
 
 def ours_first() -> None:
-    """From here on ``import controllers`` is ours, also in processes that inherit the import path: folders with a
-    package of that name move behind our folder."""
+    """From here on ``import controllers`` is ours: folders with a package of that name move behind our folder. This
+    also applies to processes that inherit the import path."""
     theirs = [place for place in sys.path if _has_ours(Path(place or os.curdir).resolve())]
     if theirs:
         sys.path[:] = [*(place for place in sys.path if place not in theirs), str(ROOT), *theirs]

@@ -14,7 +14,7 @@ POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
 
 
 def _with_poses(flight: Flight, poses: np.ndarray) -> Flight:
-    """The mocap stream with poses (n, 7); what is derived from them is made again where the filters reach.
+    """The mocap stream with poses (n, 7); derived quantities are computed again within reach of the filters.
 
     Rows with NaN become NaN as a whole and leave the others as they were.
     """
@@ -38,7 +38,7 @@ def _with_poses(flight: Flight, poses: np.ndarray) -> Flight:
 
 def mocap_occlusion(flight: Flight, rng: np.random.Generator, size: float = 0.5, *, at_s: float | None = None,
                     how: str | None = None) -> tuple[Flight, Fault]:
-    """The vehicle is out of sight for ``size`` s: poses are ``repeat``ed, ``interpolate``d or ``nan``."""
+    """The vehicle is out of sight for ``size`` s. Its poses are ``repeat`` ed, ``interpolate`` d or ``nan``."""
     how = how or ("repeat", "interpolate", "nan")[int(rng.integers(3))]
     s = flight["mocap"]
     at = choose_time(flight, rng, at_s, size)
@@ -74,7 +74,7 @@ def mocap_jump(flight: Flight, rng: np.random.Generator, size: float = 0.1, *, a
 
 def quaternion_order(flight: Flight, rng: np.random.Generator, size: float | None = None, *, stream: str | None = None
                      ) -> tuple[Flight, Fault]:
-    """w, x, y, z stand where x, y, z, w belong; ``size`` is not used."""
+    """w, x, y, z in place of x, y, z, w; ``size`` is not used."""
     name = choose(rng, stream, ("mocap", "attitude_qw"), flight)
     s = flight[name]
     columns = [s.index(q) for q in ("qx", "qy", "qz", "qw")]

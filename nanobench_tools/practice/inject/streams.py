@@ -13,7 +13,7 @@ from .place import FIRMWARE, NOISY, TAIL_S, choose, choose_time, several, truth,
 
 def dead_stream(flight: Flight, rng: np.random.Generator, size: float = 10.0, *, stream: str = "",
                 at_s: float | None = None, how: str = "extrapolate") -> tuple[Flight, Fault]:
-    """The log stops ``size`` s before the end (or at ``at_s``); rows go on as a straight line or are held.
+    """The log stops ``size`` s before the end (or at ``at_s``). Its rows go on as a straight line or are held.
 
     stream: the empty name means all streams of the vehicle at once, as in the real recordings.
     """
