@@ -1,7 +1,7 @@
 """Rotations: quaternions x, y, z, w, body to world (see ``frames``); batched over leading rows.
 
-Exponential and logarithm come from SciPy; here is what it lacks, or does per object: for 3,000 rows its product takes
-28 times as long, Euler angles 4 (from them 13), Slerp 3, which refuses two rows of one stamp besides.
+Exponential and logarithm come from SciPy. This file has what SciPy lacks, or computes per object: for 3,000 rows its
+product takes 28 times as long, Euler angles 4 (from them 13), Slerp 3. Slerp also refuses two rows of one timestamp.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """The vehicle's ticks in the host's time, with an interval.
 
-A packet is never early: the line below all (tick, time of arrival) is the vehicle's clock seen over the fastest way
-down (Moon, Skelly, Towsley, "Estimation and removal of clock skew from network delay measurements", INFOCOM 1999; the
-linear program is that of ``moving.sender_timestamps``). What the fastest way takes is half the shortest round trip of
-the link's echo, if the way up takes as long as the way down; whatever the link does it lies between nothing and the
+A packet is never early, so the line below all (tick, time of arrival) is the vehicle's clock seen over the fastest way
+down. Source: Moon, Skelly, Towsley, "Estimation and removal of clock skew from network delay measurements", INFOCOM
+1999; the linear program is that of ``moving.sender_timestamps``. The delay of the fastest way is half the shortest
+round trip of the link's echo, if the way up takes as long as the way down. For any link it lies between zero and the
 whole round trip (Mills, RFC 5905, section 8: the error of an offset is at most half the round trip).
 """
 
@@ -28,8 +28,8 @@ class Alignment:
     """host = start_s + tick_s * rate, for ``tick_s`` unwrapped seconds since ``first_tick_s``.
 
     ``down_s``: time of the fastest packet on its way; ``ci95_s``: +- of host times if both ways take equally long;
-    ``bound_s``: +- whatever the link does; ``round_trip_s``: the shortest, nan without echoes; ``late_s``: median of
-    what packets waited beyond the fastest.
+    ``bound_s``: +- for any link; ``round_trip_s``: the shortest, nan without echoes; ``late_s``: median of what
+    packets waited beyond the fastest.
     """
 
     start_s: float

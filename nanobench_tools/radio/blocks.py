@@ -45,7 +45,8 @@ DEFAULT: dict[str, tuple[int, tuple[str, ...]]] = {
 
 @dataclass(frozen=True)
 class Block:
-    """``types`` (k) of ``variables`` (k) as fetched; empty text: as stored, not known before a vehicle was asked."""
+    """``types`` (k) of ``variables`` (k) as fetched; empty text: the stored type, unknown before a vehicle reported
+    it."""
 
     name: str
     period_ms: int

@@ -1,7 +1,7 @@
 """cflib's Crazyflie, such that it never keeps a flight waiting (cflib 0.1.34; GPL-3.0).
 
-As it comes, an error of the driver is handled by whoever sent the packet, with the lock of all senders held: it waits
-for the driver's threads (for ever, if a radio was unplugged) and for a thread that measures round trips and itself
+In cflib, the sender of a packet handles an error of the driver, with the lock of all senders held. It waits for the
+driver's threads (for ever, if a radio was unplugged). It also waits for a thread that measures round trips and itself
 waits to send. An exception while sending leaves the lock taken for good.
 """
 
@@ -20,7 +20,7 @@ CLOSE_S = 3.0
 
 
 def crazyflie(cache: Path | None, lost: Callable[[str], None]) -> Any:
-    """A Crazyflie of cflib. ``lost`` is told at once why the driver has failed, from any thread."""
+    """A Crazyflie of cflib. ``lost`` is called at once with the driver's error, from any thread."""
     from cflib.crazyflie import Crazyflie
 
     class InTime(Crazyflie):  # type: ignore[misc]
@@ -29,7 +29,7 @@ def crazyflie(cache: Path | None, lost: Callable[[str], None]) -> Any:
             super().__init__(rw_cache=str(cache) if cache else None)
             self._send_lock = threading.RLock()
             self._failed = False
-            self.link_statistics.latency.start = lambda: None  # ours has echoes of its own
+            self.link_statistics.latency.start = lambda: None  # ours has separate echoes
 
         def send_packet(self, *given: Any, **named: Any) -> None:
             try:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 MAX_DATA = 30
 NULL = b"\xff"
-"""What is sent when there is nothing to say; a scan sends it and takes any answer."""
+"""Sent when the queue is empty; a scan sends it and accepts any answer."""
 
 
 class Port(IntEnum):

@@ -40,9 +40,9 @@ def renew(seconds: float) -> None:
 
 @contextmanager
 def last_resort(seconds: float) -> Iterator[None]:
-    """A program that is still within the ``with`` after so long is ended by the system (SIGALRM), and stderr shows
-    where its threads were. No thread and no interpreter is needed for it: foreign code that holds the interpreter for
-    ever ends, too. Not on Windows, and not where somebody uses that signal."""
+    """If a program is still within the ``with`` after this time, the system ends it (SIGALRM). The place of its
+    threads is written to stderr. No thread and no interpreter is needed for it: foreign code that holds the
+    interpreter for ever ends, too. Not on Windows, and not where somebody uses that signal."""
     if not POSIX or signal.getsignal(signal.SIGALRM) is not signal.SIG_DFL:
         yield
         return

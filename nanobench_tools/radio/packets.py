@@ -1,9 +1,9 @@
 """The raw recording: every packet as it came, appended to one file with its time on the host.
 
 A file is a line of magic, the length of a JSON header and the header, then records. A record is ``<BBHdI``: kind,
-number, bytes of payload, host time [Unix s], CRC-32 of all that and the payload; then the payload. Records are written
-by a separate thread every FLUSH_S, so that the sender never waits for a disk and a killed program loses at most
-what came since. A file that ends inside a record is read up to there.
+number, bytes of payload, host time [Unix s], CRC-32 of all that and the payload. Then follows the payload. A separate
+thread writes records every FLUSH_S. The sender thus never waits for a disk, and a killed program loses at most the
+records since then. A file that ends inside a record is read up to there.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ CLOSE_S = 20.0
 """A disk, or a server with files, that takes longer for what waits at the end is given up."""
 LOG, POSE, ECHO, SENT, REFERENCE, NOTE = range(6)
 """Kinds. LOG: number of the block; tick [ms] in 24 bits, values. POSE: ``<d7f`` as pose datagrams. ECHO: ``<d`` host
-time at which the echo was asked for. SENT: header byte and data of a CRTP packet. REFERENCE: ``<4d`` x, y, z [m], yaw
-[rad] that were asked of a controller on the host. NOTE: UTF-8 text, JSON of the sheet for number 1."""
+time at which the echo was sent. SENT: header byte and data of a CRTP packet. REFERENCE: ``<4d`` x, y, z [m], yaw [rad]
+that a controller on the host had to follow. NOTE: UTF-8 text, JSON of the sheet for number 1."""
 TEXT, SHEET = 0, 1
 _HEAD = struct.Struct("<BBHd")
 _SUM = struct.Struct("<I")

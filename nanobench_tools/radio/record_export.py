@@ -1,10 +1,10 @@
 """From a raw recording to the NanoBench format: CSV, sheet with the true numbers of packets, and raw Parquet.
 
 Every sample gets the host's time at which the vehicle took it (``align``), not the time at which its packet came. Rows
-are the poses of the motion capture that lie where all main streams have packets on both sides; between packets values
-are interpolated linearly, as the format does, and ``row_counts`` says how many packets there really were. What the
-vehicle was asked comes from its own log, except where a controller on the host followed the path: then it comes from
-there, as the vehicle does not know the path (``setpoint_source: host`` in the sheet).
+are the poses of the motion capture that lie where all main streams have packets on both sides. Between packets values
+are interpolated linearly, as the format does, and ``row_counts`` has the true number of packets. The set-points come
+from the vehicle's own log, except where a controller on the host followed the path. Then they come from the host, as
+the vehicle does not know the path (``setpoint_source: host`` in the sheet).
 """
 
 from __future__ import annotations

@@ -67,7 +67,7 @@ class Recorder:
 
     def tick(self, time_s: float, phase: str, believed: Believed | None, commanded_m: np.ndarray | None,
              yaw_rad: float) -> None:
-        """Where a controller on the host was asked to be."""
+        """Commanded positions of a controller on the host."""
         if self.hosted and commanded_m is not None:
             self._writer.write(REFERENCE, 0, self._clock.now(), struct.pack("<4d", *commanded_m, yaw_rad))
 

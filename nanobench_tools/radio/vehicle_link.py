@@ -144,7 +144,7 @@ class CflibLink:
     # -- logging
 
     def start_blocks(self, blocks: Sequence[Block]) -> list[Block]:
-        """Starts log blocks beside those that run; returns all that run now, with their types.
+        """Starts further log blocks; returns all that run now, with their types.
 
         Raises InputError for a variable the vehicle does not have, too large a block, or one that does not start.
         """
@@ -205,7 +205,7 @@ class CflibLink:
         self.lost = why.strip().splitlines()[0] if why.strip() else "lost"
 
     def request_echo(self) -> None:
-        """Sends the time on a way there and back, apart from cflib's own echoes; to be asked for now and then."""
+        """Measures the time of a round trip, apart from cflib's own echoes; to be called now and then."""
         self._send(ECHO, 0, struct.pack("<Bd", ECHO_MARK, self._clock.now()))
 
     # -- sending

@@ -1,4 +1,4 @@
-"""Some rows of a dataclass of arrays, and several such laid end to end; whatever is no array stays as it is."""
+"""Some rows of a dataclass of arrays, and several such laid end to end; other fields stay."""
 
 from __future__ import annotations
 

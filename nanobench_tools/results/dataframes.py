@@ -1,7 +1,7 @@
 """Streams as pandas DataFrames and back. pandas is imported at the first use.
 
-A frame has seconds as its index, one column per quantity under its unit: the columns are a MultiIndex (quantity, unit),
-and ``attrs["units"]`` says the same as a dictionary. ``frame["px"]`` takes a quantity without naming its unit.
+A frame has seconds as its index and one column per quantity under its unit. The columns are a MultiIndex (quantity,
+unit), and ``attrs["units"]`` has the same as a dictionary. ``frame["px"]`` takes a quantity without naming its unit.
 """
 
 from __future__ import annotations
@@ -53,9 +53,9 @@ def arrays_of(stream: str, frame: pd.DataFrame, known: Mapping[str, tuple[str, s
               units: Mapping[str, str] | None = None) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
     """(time_s (n,), values (n, k) in SI, quantities) of a frame whose columns are quantities of ``known``.
 
-    The index is seconds, a timedelta, or a date. units {quantity: unit} override those of the columns' second level and
-    of ``frame.attrs["units"]``; without any a column is SI. Raises InputError with the wrong column or row: an index
-    that is not a time, or does not rise; values that are not numbers; an unknown quantity or unit.
+    The index is seconds, a timedelta, or a date. Units {quantity: unit} override those of the columns' second level
+    and of ``frame.attrs["units"]``. Without any, a column is SI. Raises InputError with the wrong column or row.
+    Reasons: an index that is not a time, or does not rise; values that are not numbers; an unknown quantity or unit.
     """
     import pandas as pd
 

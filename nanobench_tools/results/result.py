@@ -96,10 +96,11 @@ def _object(value: Any, nan: Any) -> dict[str, Any]:
 
 
 def from_json(kind: Any, value: Any) -> Any:
-    """What ``to_json`` made of a ``kind`` (a dataclass, or a type such as ``list[Row]`` or ``float | None``) again.
+    """Reads back what ``to_json`` wrote for a ``kind`` (a dataclass, or a type such as ``list[Row]`` or ``float |
+    None``).
 
-    null is nan where a float stands. A dataclass takes the keys of its fields and leaves others alone; a mapping that
-    is INLINE takes what no other field has.
+    null is nan where a float is expected. A dataclass takes the keys of its fields and leaves others alone; a mapping
+    that is INLINE takes what no other field has.
 
     >>> from_json(dict[str, tuple[float, ...]], {"a": [1.0, None]})
     {'a': (1.0, nan)}

@@ -19,8 +19,8 @@ SURROGATE = re.compile("[\ud800-\udfff]")
 
 def envelope(schema: str, body: Mapping[str, Any] | Result, synthetic: bool, manifest: Mapping[str, Any],
              failed: list[dict[str, str]]) -> dict[str, Any]:
-    """What every result file holds: ``schema`` (``audit`` becomes ``nanobench-audit/1``), ``version`` of the package,
-    ``synthetic``, ``manifest``, ``failed`` and the keys of ``body``, all of it as JSON types."""
+    """Every result file has ``schema`` (``audit`` becomes ``nanobench-audit/1``), ``version`` of the package,
+    ``synthetic``, ``manifest``, ``failed`` and the keys of ``body``. All of it is JSON types."""
     name = schema if "/" in schema else f"nanobench-{schema}/1"
     found: dict[str, Any] = to_json({"schema": name, "version": __version__, "synthetic": synthetic,
                                      "manifest": manifest, "failed": failed, **to_json(body)})
@@ -46,8 +46,8 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 
 def to_text(value: Mapping[str, Any]) -> str:
-    """``value`` as JSON, a line per key and per entry of its lists and tables; nan and inf become null, bytes of file
-    names that are not UTF-8 become U+FFFD."""
+    """``value`` as JSON, a line per key and per entry of its lists and tables. Values nan and inf become null, bytes
+    of file names that are not UTF-8 become U+FFFD."""
     lines = [f" {_dumps(str(key))}: {_entries(item)}" for key, item in to_json(value).items()]
     return SURROGATE.sub("\ufffd", "{\n" + ",\n".join(lines) + "\n}") + "\n"
 

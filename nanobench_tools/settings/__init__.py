@@ -4,10 +4,10 @@ A module asks for its constants by key, once, when it is imported::
 
     FALL_M_S = number("audit.crashes.fall_m_s")
 
-The key is AREA.MODULE.NAME. An entry says what the number is, its unit, what it does and what it was set on: an entry
-of ``recordings.toml``, which says kinds and number of the recordings or made-up cases. ``nanobench settings`` prints
-them. Functions compiled by Numba get settings as arguments: Numba keeps machine code by the date of the source file,
-and a TOML file is none.
+The key is AREA.MODULE.NAME. An entry has the value, its unit, its meaning and its origin. The origin is an entry of
+``recordings.toml``, with kinds and number of the recordings or made-up cases. ``nanobench settings`` prints them.
+Functions compiled by Numba get settings as arguments: Numba keeps machine code by the date of the source file, and a
+TOML file is none.
 
 Numbers of another origin (firmware, a format, an equation, a limit for safety) stay where they are used.
 """
@@ -58,7 +58,7 @@ class Recordings:
 
 @dataclass(frozen=True)
 class Model:
-    """A file of numbers that belong together, below the installed packages: what it is, what it was set on (name in
+    """A file of related numbers, below the installed packages: its description, and the data it was set on (name in
     ``recordings.toml``)."""
 
     file: str

@@ -23,8 +23,10 @@ def check_installed() -> None:
 def blind_proof(options: Options, n: int, kinds: Sequence[str], engine: str, diagnosed_by: str = ENGINES[0]) -> Proof:
     """Flies n SYNTHETIC cases, seals their truths, diagnoses them, and opens the truths afterwards.
 
-    kinds: empty for all in fixed shares; engine: ``practice``, ``rotorpy`` or ``both``; diagnosed_by: one of
-    ``diagnosing.ENGINES``. Raises InputError where no case could be made.
+    kinds: empty for all in fixed shares.
+
+    engine: ``practice``, ``rotorpy`` or ``both``; diagnosed_by: one of ``diagnosing.ENGINES``. Raises InputError where
+    no case could be made.
     """
     check_installed()
     if engine == "rotorpy" and importlib.util.find_spec("rotorpy") is None:

@@ -22,7 +22,7 @@ def speed_text(row: SimulatedRow | MismatchRow) -> str:
 
 
 def number(value: float | None, digits: int) -> str:
-    """``-`` where there is none."""
+    """``-`` for a missing value."""
     return "-" if value is None or not np.isfinite(value) else f"{value:.{digits}f}"
 
 

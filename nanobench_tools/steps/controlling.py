@@ -67,7 +67,7 @@ def control_body(options: Options, flights: Sequence[Flight], audits: Mapping[st
                  protocols: Sequence[str] = (), controllers: Sequence[str] = ()) -> ControlBody:
     """control.json of logged flights, with the tables shown. Without ``protocols`` all that the data allow.
 
-    Raises InputError when a protocol that was asked for (or every one) finds nothing to score.
+    Raises InputError when a selected protocol (or every one) has no flight to score.
     """
     from ..auditing.verb_needs import CONTROL
     from ..harness import make_item

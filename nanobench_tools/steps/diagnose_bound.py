@@ -1,4 +1,5 @@
-"""``nanobench diagnose --bound``: how much better could anything predict these flights? A network beside the names."""
+"""``nanobench diagnose --bound``: how much better could anything predict these flights? A network in addition to the
+identified effects."""
 
 from __future__ import annotations
 
@@ -31,7 +32,7 @@ Errors = Mapping[str, Mapping[str, float]]
 
 @dataclass(frozen=True, repr=False)
 class Bound(Result):
-    """Errors of the simulator, with a network beside it and with what was named, over so many flights and windows;
+    """Errors of the simulator alone, with a network and with the identified effects, over so many flights and windows;
     ``share``: of what the network takes away, what the names do, None where it takes away nothing."""
 
     flights: int
@@ -45,7 +46,7 @@ class Bound(Result):
 
 
 def flexible(options: Options, verdict: Verdict, recordings: Recordings, simulator: Model) -> Bound | None:
-    """None where too few flights can be predicted, which is said."""
+    """None where too few flights can be predicted, with a message."""
     from identification.greybox.fit_windows import cut
     from identification.learned.bound import flexible_bound
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ..physics.adapters.given import Simulator
 
 ENGINES = ("rules", "posterior")
-"""Ways to a verdict; the first unless another one is asked for."""
+"""Engines of a verdict; the first is the default."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +61,8 @@ def names_a_file(simulator: str) -> bool:
 
 
 def check_wiring(recordings: Recordings, model: Model, place: str) -> None:
-    """InputError at ``place`` where motor order and spins of the simulator cannot fly, or are not those of the flights:
-    any later step would take that for a wrong inertia or a weak motor."""
+    """InputError at ``place`` where motor order and spins of the simulator cannot fly, or are not those of the
+    flights. Any later step would take that for a wrong inertia or a weak motor."""
     from identification.mismatch.wiring import against_flights, impossible
     from identification.mismatch.wrench import Wrench
 

@@ -63,8 +63,8 @@ def trajectory_files(folders: Sequence[Path]) -> dict[str, dict[str, Path]]:
 
 @dataclass(frozen=True)
 class Seen:
-    """The recordings on the clock of ``options``: the clock that may judge positions and velocities, and the one for
-    attitudes (None: the same)."""
+    """The recordings on the clock of ``options``. Returns the clock that may judge positions and velocities, and the
+    one for attitudes (None: the same)."""
 
     places: OnClock
     attitudes: OnClock | None = None

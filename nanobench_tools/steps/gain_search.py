@@ -67,8 +67,8 @@ class GivenPlant:
 
 @dataclass(frozen=True)
 class Search:
-    """What is searched: a controller with gains; ``plants`` to search on, as many others choose among the best, and
-    twice as many others judge; ``radio_delay_s``: of every second plant 20 ms longer; ``budget``: trials."""
+    """The subject of the search: a controller with gains; ``plants`` to search on, as many others choose among the
+    best, and twice as many others judge; ``radio_delay_s``: of every second plant 20 ms longer; ``budget``: trials."""
 
     controller: str
     searched: Sequence[PathSpec]

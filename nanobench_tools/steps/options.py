@@ -250,7 +250,7 @@ class Options:
             self.show(part)
 
     def show(self, part: Any, most: int | None = None) -> None:
-        """Print a table (ours or rich's) or a text on stdout, unless ``--quiet`` or ``--json -``; at most ``most``
+        """Print a table (ours or rich's) or a text on stdout, unless ``--quiet`` or ``--json -``. At most ``most``
         lines of a table of ours. In a file or pipe a text is one line of any width, and with ``--verbose`` a row is
         one, too. A closed pipe (head, less) does not stop the work."""
         if self.silent or part == "" or (isinstance(part, Table) and not part.rows):

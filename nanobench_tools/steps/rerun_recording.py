@@ -132,7 +132,7 @@ class _Writer:
         self.verdict: AuditVerdict = verdict_of(audited)
 
     def write(self) -> None:
-        self.blueprint()  # before the data, or the viewer lays them out by itself
+        self.blueprint()  # before the data, or the viewer chooses the layout
         self.properties()
         self.world()
         self.signals()
@@ -283,7 +283,7 @@ class _Writer:
         """Per stream, how many rows no packet brought."""
         for name in self.context.once(usable_streams):
             if count := int(between_packets(self.context, self.audit, name).sum()):
-                yield f"{name}: {count} rows that a resampler drew between packets are not shown"
+                yield f"{name}: {count} interpolated rows between packets are not shown"
 
     def blueprint(self) -> None:
         """World and bars at the left; series, audit and log at the right."""

@@ -1,4 +1,4 @@
-"""What estimate.json, control.json and sysid.json hold beside the envelope, and several parts of one file as one."""
+"""Contents of estimate.json, control.json and sysid.json without the envelope, and several parts of one file as one."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Joined(Protocol):
 
 @dataclass(frozen=True, repr=False)
 class TakenOut(Result):
-    """What was taken out of one flight's stamps, as in the audit: warp (t_s, offset_s, sd_s), positive = late."""
+    """Correction of one flight's timestamps, as in the audit: warp (t_s, offset_s, sd_s), positive = late."""
 
     moving: bool
     constant_s: float
@@ -104,7 +104,7 @@ class GateBody(Result):
 
 @dataclass(frozen=True, repr=False)
 class SimulatedPart(Result):
-    """Beside the rows of an ensemble of plants."""
+    """Body for the rows of an ensemble of plants."""
 
     flights: Sequence[SampledFlight]
     solve_times: Sequence[SolveTimes]

@@ -19,8 +19,8 @@ CLOCK_WORDS = {"as-recorded": "as recorded", "retimed": "re-timed", "offset": "w
 
 
 def estimated(rows: Sequence[EstimateRow], rankings: Sequence[ClockRanking] = ()) -> str:
-    """The smallest error of each protocol over all its flights, with its interval, among methods that were given the
-    same, and whether the clock decides which it is."""
+    """The smallest error of each protocol over all its flights, with its interval, among methods with the same inputs.
+    Also whether the choice depends on the clock."""
     found = []
     for protocol, clock in dict.fromkeys((row.protocol, row.clock) for row in rows):
         mine = [row for row in rows if (row.protocol, row.clock, row.group) == (protocol, clock, "all")]

@@ -33,7 +33,7 @@ def thrust_sentence(found: ThrustResult) -> str:
 def thrust_maps(options: Options, flights: Sequence[Flight],
                   given: tuple[Sequence[Flight], Sequence[Flight]] | None = None,
                   mass_kg: float = 0.04085) -> tuple[ThrustResult, list[Part]]:
-    """What was found, and its parts with the fits; ``given`` (train, test) replaces the splits. InputError when nothing
+    """The result, and its parts with the fits; ``given`` (train, test) replaces the splits. InputError when nothing
     can be fitted."""
     from identification.thrust.thrust_result import whole
     from identification.thrust.thrust_rows import sort_out
@@ -50,7 +50,7 @@ def thrust_maps(options: Options, flights: Sequence[Flight],
         more = f" (and {len(left) - 1} more recordings left out)" if len(left) > 1 else ""
         remedy = ("" if "; " in reason else  # of a fault: its own
                   "a map takes motor commands, battery voltage and the accelerometer (m1 .. m4, vbat, acc_z), or a "
-                  "thrust stand's table")
+                  "thrust-stand table")
         raise InputError(place, f"nothing to fit: {reason}{more}", remedy)
     return whole(found, left), found
 
@@ -70,7 +70,7 @@ def _stands(options: Options, stands: Sequence[Flight], names: tuple[set[str], s
     test = [f for f in rows.files if f.name in names[1]]
     if not train or not test:
         for f in (*train, *test):
-            left[f.name] = f"a stand series, but none of --{'test' if train else 'train'} can be used beside it"
+            left[f.name] = f"a stand series, but none of --{'test' if train else 'train'} can be used with it"
         return None
     return stand_part(train, test, mass_kg, options.seed)
 

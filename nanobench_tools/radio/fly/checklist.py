@@ -1,6 +1,6 @@
 """Checks before arming: each returns one line with the mistake, and the flight is refused.
 
-Poses are checked against sensors that need no motion capture: gravity at rest shows up, the accelerometer shows tilt,
+Poses are checked against sensors that need no motion capture. Gravity at rest shows up, the accelerometer shows tilt,
 and the vehicle's estimate at power-up shows its heading. Only then are poses sent, and the estimate has to converge to
 them.
 """

@@ -48,7 +48,7 @@ class Beat:
 
 
 class Pacer:
-    """``wait`` returns the due time of the next tick; call ``sent`` and ``done`` when a tick has sent and ended."""
+    """``wait`` returns the due time of the next tick. Call ``sent`` and ``done`` when a tick has sent and ended."""
 
     def __init__(self, clock: Clock, period_s: float) -> None:
         self.clock, self.beat = clock, Beat(period_s)

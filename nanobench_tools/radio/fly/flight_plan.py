@@ -24,7 +24,7 @@ TAKEOFF_S, SETTLE_S, HOVER_S, FADE_S, END_S, LANDING_S = 2.0, 0.5, 2.0, 2.0, 1.0
 APPROACH_M_S, SHORTEST_APPROACH_S = 0.4, 1.5
 """Mean speed from the place of take-off to where the path begins."""
 LANDED_M = 0.03
-"""Height below which a vehicle has landed. Landings are planned to the ground itself: if motors stop above it, the
+"""Height below which a vehicle has landed. Landings are planned to the ground itself. If motors stop above it, the
 vehicle falls, and its supervisor may take the second bounce for a crash."""
 SIZES = ("scale_m", "radius_m", "radius_x_m", "amplitude_x_m", "distance_m")
 SPEED_LABELS = ((0.6, "slow"), (0.85, "medium"), (np.inf, "fast"))

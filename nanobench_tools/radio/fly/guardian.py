@@ -13,10 +13,10 @@ from ..in_time import last_resort, renew
 class Guardian:
     """Watches a flight from a separate thread.
 
-    A call that does not end within ``most_s`` (a hanging controller), or a loop without a sign of life for STUCK_S,
-    loses control of the flight to ``take_over(why)``, which runs in this thread. If the loop has not ended BACK_S
-    later, ``give_up(why)`` ends the program. The system does so if this thread itself does not run
-    (``in_time.last_resort``).
+    A call that does not end within ``most_s`` (a hanging controller) loses control of the flight to
+    ``take_over(why)``. So does a loop without a sign of life for STUCK_S. ``take_over`` runs in this thread. If the
+    loop has not ended BACK_S later, ``give_up(why)`` ends the program. The system does so if this thread itself does
+    not run (``in_time.last_resort``).
     """
 
     EVERY_S, STUCK_S, BACK_S = 0.02, 3.0, 2.0

@@ -98,7 +98,7 @@ class Flight:
         start = self.clock.now()
         self._enter(TAKEOFF, start)
         commanded_at = [start]
-        self.link.release()  # the zero set-point with which the last client closed still stands above the planner
+        self.link.release()  # the zero set-point with which the last client closed still overrides the planner
         self.link.take_off(self.plan.height_m, 2.0)
         while True:
             due = self.pacer.wait()

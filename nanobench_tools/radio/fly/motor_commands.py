@@ -1,14 +1,14 @@
 """Any controller that commands motors, flown over a radio: its motor commands as collective thrust and body rates.
 
 The thrust comes from the firmware's curve of the four commands at the battery's voltage; the firmware turns it back
-into the same mean command. The controller's moment M becomes the body rate that it would have led to after LEAD_S: w_s
-= w + LEAD_S J^-1 M, with w the rate at the time it acts. LEAD_S is about the delay from here to a turning vehicle
-(link, rate loop, motors): shorter, and the vehicle hardly turns; longer, and it swings. The vehicle's loop controls the
-heading (``heading``).
+into the same mean command. The controller's moment M becomes the body rate that it would have led to after LEAD_S. It
+is w_s = w + LEAD_S J^-1 M, with w the rate at the time it acts. LEAD_S is about the delay from here to a turning
+vehicle (link, rate loop, motors): shorter, and the vehicle hardly turns; longer, and it swings. The vehicle's loop
+controls the heading (``heading``).
 
 The state is predicted to the time at which the set-point acts, at constant body rate and at the acceleration of the
-thrust under way. Gains made for direct motor commands are high for this delay. A controller that makes set-points
-(``setpoint``, see ``pilot``) or predicts its states (``predictive``) flies better.
+thrust under way. Gains made for direct motor commands are high for this delay. Controllers that make set-points
+(``setpoint``, see ``pilot``) or predict their states (``predictive``) fly better.
 """
 
 from __future__ import annotations

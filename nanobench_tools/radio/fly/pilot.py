@@ -1,7 +1,8 @@
 """A pilot turns the estimated state and the reference of a tick into one set-point.
 
 Three kinds: the vehicle's own controllers, which get positions; controllers that make set-points themselves (method
-``setpoint``, as predictive ones do); and any controller of the project that commands motors (``motor_commands``).
+``setpoint``, as predictive ones do); and others. The others are any controller of the project that commands motors
+(``motor_commands``).
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """State of the vehicle from poses, for controllers: position, velocity, attitude and rates now.
 
-A parabola in time is fitted to the last poses, to their positions and to their rotations from the newest one, and
-extrapolated a little beyond it. Neither lags under steady acceleration. (Least squares on a moving window, as of
-Savitzky and Golay 1964, at its end and with the poses' own times.)
+A parabola in time is fitted to the last poses, and extrapolated a little beyond the newest one. It describes their
+positions, and their rotations from the newest one. Neither lags under steady acceleration. (Least squares on a moving
+window, as of Savitzky and Golay 1964, at its end and with the poses' own times.)
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@ them.
 
 The vehicle gets collective thrust and body rates; its rate loops (500 Hz, PID) turn the rates into counts of the mixer.
 For a command w + e / kp they put out the plan's moment. Here e is the planned roll and pitch in counts of the mixer,
-less the integrals by then, and w is the predicted rate at the time of arrival. So the loops' gain cancels for any
-weight of the vehicle, and lasting moments (drag, a weak motor) are not commanded twice.
+less the integrals by then. The predicted rate at the time of arrival is w. So the loops' gain cancels for any weight
+of the vehicle, and lasting moments (drag, a weak motor) are not commanded twice.
 
 A gain that is too high here ends in a cycle between the bounds of the rates. The mixer takes thrust from all motors for
 it, and as the battery drops, so does the vehicle. (``firmware.pid``, ``firmware.motors.mix_legacy`` and ``cap``.)

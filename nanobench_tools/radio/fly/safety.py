@@ -20,13 +20,19 @@ TUMBLED, LOCKED, CRASHED = 1 << 5, 1 << 6, 1 << 7
 
 @dataclass
 class Situation:
-    """One tick. time_s of the flight; position_m, velocity_m_s (3,) world and tilt_rad as believed now; pose_age_s of
-    the newest pose; battery_V as last logged; silent_s since the last packet of the vehicle; lost: why the link is
-    gone; late_ticks that missed their deadline one after the other, call_s of the slowest call of the controller since
-    the last tick; controller_error in words; interrupted: name of the signal; supervisor: its bits; streamed: the host
-    flies, not the vehicle's own planner; below_m: how far it is below the height it is asked for, 0 if it is not;
-    health_age_s since battery or supervisor were heard of; astray_m between the vehicle's own estimate and the poses,
-    nan if not known."""
+    """One tick.
+
+    - time_s: of the flight.
+    - position_m, velocity_m_s (3,) world and tilt_rad: present estimates.
+    - pose_age_s: of the newest pose; battery_V: as last logged; silent_s: since the last packet of the vehicle.
+    - lost: why the link is gone.
+    - late_ticks: that missed their deadline one after the other; call_s: of the slowest call of the controller since
+      the last tick; controller_error: in words.
+    - interrupted: name of the signal; supervisor: its bits.
+    - streamed: the host flies, not the vehicle's own planner.
+    - below_m: height below the set-point, 0 above it.
+    - health_age_s: since the last battery or supervisor value.
+    - astray_m: between the vehicle's own estimate and the poses, nan if unknown."""
 
     time_s: float = 0.0
     position_m: np.ndarray = field(default_factory=lambda: np.zeros(3))

@@ -1,8 +1,8 @@
 """From any fault to the ground: hold the place with the vehicle's own loops, then land by its own planner.
 
-Once landing has begun the vehicle no longer needs the host. If the link is lost, the vehicle's watchdog acts: it levels
-out 0.5 s after the last set-point and stops its motors after 2 s (supervisor.c of firmware 2025.12.1). The high-level
-commander is not under that watchdog.
+Once landing has begun the vehicle no longer needs the host. If the link is lost, the vehicle's watchdog acts. It
+levels out 0.5 s after the last set-point and stops its motors after 2 s (supervisor.c of firmware 2025.12.1). The
+high-level commander is not under that watchdog.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ GROUND_S = 2.0
 
 @dataclass(frozen=True)
 class Request:
-    """What is to be flown where. ``record_to``: folder, or None; ``blocks`` of the recording; ``quiet``: no display;
+    """Request for a flight. ``record_to``: folder, or None; ``blocks`` of the recording; ``quiet``: no display;
     ``say`` takes one line a step; ``cache``: folder for the vehicle's tables."""
 
     spec: PathSpec

@@ -89,7 +89,7 @@ class VirtualWorld:
             return
         until = time.monotonic() + SETTLE_S
         for asker in threading.enumerate():
-            # nobody tells its queue that a task is done: it counts all that was ever put in
+            # its queue is never informed of finished tasks: it counts all that was ever put in
             while hasattr(asker, "request_queue") and asker.is_alive() and time.monotonic() < until:
                 ticket, awaited = self._waiting_for.get(asker, (0, None))
                 waits = awaited is not None and _awaited(asker) is awaited
@@ -156,7 +156,7 @@ def _driver(world: VirtualWorld) -> type:
             if uri != URI:
                 raise WrongUriType
             world.inbox.clear()
-            world.crazyflie = error.__self__  # drivers are told whom to complain to: the Crazyflie that opens them
+            world.crazyflie = error.__self__  # drivers report errors to the Crazyflie that opens them
 
         def send_packet(self, packet: Any) -> None:
             world.post(bytes([packet.header]) + bytes(packet.data))

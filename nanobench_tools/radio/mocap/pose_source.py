@@ -1,8 +1,8 @@
 """What a source of poses has to be while flying; ``mocap_sources`` knows those there are.
 
-A source calls ``sink(pose)`` from a separate thread for every pose it sees, as soon as it sees it. Poses are metres
-in a world with z up, quaternions x, y, z, w from the body (x forward, y left, z up) into it; the checklist refuses
-what is in another frame.
+A source calls ``sink(pose)`` from a separate thread for every pose it sees, as soon as it sees it. Poses are metres in
+a world with z up, quaternions x, y, z, w from the body (x forward, y left, z up) into it. The checklist refuses other
+frames.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ Sink = Callable[[Pose], None]
 
 
 class PoseSource(Protocol):
-    """``synthetic``: the poses are made up, and so is what is recorded. ``setpoint``: told of everything that is sent
-    to the vehicle (time [Unix s], what it says in words of ``setpoint_packets``), for who wants to pass it on."""
+    """``synthetic``: the poses are made up, and so is what is recorded. ``setpoint``: receives everything that is sent
+    to the vehicle, to pass it on. Arguments: time [Unix s], and the set-point in words of ``setpoint_packets``."""
 
     name: str
     synthetic: bool
@@ -33,7 +33,7 @@ class PoseSource(Protocol):
 
 
 def checked(name: str, time_s: float, position_m: object, quaternion: object) -> Pose:
-    """A Pose from whatever a source gave. Raises InputError for wrong shapes; what is no number is kept: not seen."""
+    """A Pose from the output of a source. Raises InputError for wrong shapes; NaN is kept and means not seen."""
     try:
         time = float(time_s)
         position, turn = np.asarray(position_m, float), np.asarray(quaternion, float)

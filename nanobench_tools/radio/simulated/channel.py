@@ -1,10 +1,10 @@
 """Effects of a radio on packets: delay, jitter, loss, a limit of packets a second.
 
-The link itself resends lost packets, so set-up traffic (tables, parameters, answered commands) always arrives, in
+The link itself resends lost packets. Set-up traffic (tables, parameters, answered commands) thus always arrives, in
 order, only later: every loss costs ``RESEND_S``. Unrepeated packets are really lost: set-points, poses and log data
-with probability ``loss``, and log data when the vehicle's queue is full. That makes the holes in recordings: nine
-blocks of 100 Hz over 700 packets/s arrive as 77 Hz each, and a burst of the queue's content follows a hang of the link.
-(cflib over UDP never asks twice; a lost answer would leave it hanging where a real link would not.)
+with probability ``loss``, and log data when the vehicle's queue is full. That makes the holes in recordings. Nine
+blocks of 100 Hz over 700 packets/s arrive as 77 Hz each, and a burst of the queue's content follows a hang of the
+link. (cflib over UDP never asks twice; a lost answer would leave it hanging where a real link would not.)
 """
 
 from __future__ import annotations
@@ -28,10 +28,14 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class RadioOptions:
-    """latency_s one way; jitter_s: mean of an exponential delay on top; loss 0..1 of packets; packets_per_s that the
-    way down carries (None: no limit); hangs_per_s and hang_s: how often, and how long in the mean, nothing passes in
-    either direction (2 and 0.06 make the share of time that ``mathematics.packet_delay`` takes for hangs); seed. Raises
-    InputError for what cannot be."""
+    """Properties of the radio link.
+
+    - latency_s: one way; jitter_s: mean of an exponential delay on top; loss 0..1: of packets.
+    - packets_per_s: that the way down carries (None: no limit).
+    - hangs_per_s and hang_s: how often, and how long in the mean, both directions are blocked (2 and 0.06 make the
+      share of time that ``mathematics.packet_delay`` takes for hangs); seed.
+
+    Raises InputError for what cannot be."""
 
     latency_s: float = 0.0
     jitter_s: float = 0.0

@@ -17,6 +17,6 @@ class Console:
         self._waiting += [Packet(Port.CONSOLE, 0, text[i:i + MAX_DATA]) for i in range(0, len(text), MAX_DATA)]
 
     def take(self) -> list[Packet]:
-        """What has been said since the last time."""
+        """Text since the last call."""
         found, self._waiting = self._waiting, []
         return found

@@ -18,7 +18,7 @@ EMERGENCY_STOP, EMERGENCY_WATCHDOG, POSE, POSE_PACKED = 3, 4, 8, 9
 
 
 class Localization:
-    """Port 6. No pose is thinned out, delayed or checked, as in the firmware; what is no number is dropped.
+    """Port 6. No pose is thinned out, delayed or checked, as in the firmware; NaN is dropped.
 
     last: newest pose, x, y, z [m], qx, qy, qz, qw, as group ``locSrv`` shows it. own_id: low byte of the address.
     """

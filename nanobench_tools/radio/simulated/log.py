@@ -113,7 +113,7 @@ class Log:
         return error
 
     def _append(self, block: _Block, data: bytes) -> int:
-        """Variables of three bytes each; what is left over behind the last whole one is ignored."""
+        """Variables of three bytes each; bytes after the last whole one are ignored."""
         used = sum(len(b.values) for b in self._blocks.values())
         for at in range(0, len(data) // 3 * 3, 3):
             fetched, which = data[at] & 0x0F, int.from_bytes(data[at + 1:at + 3], "little")
@@ -137,8 +137,8 @@ class Log:
         return min((b.next_ms for b in self._blocks.values() if b.next_ms is not None), default=None)
 
     def due(self, now_ms: int) -> list[Packet]:
-        """Packets of the blocks whose time has come; another one is first every time, so that a full queue behind
-        does not always shut out the same."""
+        """Packets of the blocks whose time has come. Another block is first every time, so that a full queue does not
+        always drop the same ones."""
         found, numbers = [], list(self._blocks)
         self._turn = (self._turn + 1) % max(len(numbers), 1)
         for number in numbers[self._turn:] + numbers[:self._turn]:

@@ -1,6 +1,6 @@
 """The log variables of the simulated Crazyflie: names, types and units of the firmware, read from the loop's records.
 
-Legacy pitch is nose up, ``ctrltarget.yaw`` is a rate, group ``controller`` is written by the PID alone, and
+Legacy pitch is nose up, ``ctrltarget.yaw`` is a rate, and only the PID writes group ``controller``. The value of
 ``cmd_thrust`` is that of the loop before.
 """
 

@@ -34,7 +34,7 @@ def number(field: np.ndarray, *index: int, kind: str = "f4", persistent: bool = 
 
 def attribute(owner: Any, name: str, kind: str, persistent: bool = False,
               then: Callable[[float], None] | None = None) -> Parameter:
-    """An attribute of an object; ``then`` is told a new value."""
+    """An attribute of an object; ``then`` receives a new value."""
 
     def write(value: float) -> None:
         setattr(owner, name, value)

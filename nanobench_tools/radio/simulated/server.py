@@ -22,7 +22,7 @@ from .vehicle_protocol import Vehicle
 SILENCE_S, CLOSED_S = 1.0, 0.3  # of the host's own clock
 """A client that is silent for so long has gone; the shorter one holds after the zero set-point cflib closes with."""
 WAITING_S = 2.0
-"""How long one that asked to connect in vain is remembered."""
+"""How long a refused client is remembered."""
 LATE_S, MOST_BEHIND_S, STOP_S = 0.010, 0.5, 5.0
 _MOST_AT_ONCE = 64
 _CLOSING = bytes(14)
@@ -34,8 +34,8 @@ class SimulatedCrazyflie:
     """A vehicle that is served at ``uri`` from ``start`` to ``stop``, or within a ``with``.
 
     port 0 takes a free one; poses are at port + 100. drift_ppm of the vehicle's ticks against the host's clock.
-    ``build``: what is unusual about its firmware (a positioning deck, another protocol version). ``pace``: seconds of
-    the vehicle's world in one of the host. ``report``: is told in one line what happens to clients. With ``own_clock``
+    ``build``: special properties of its firmware (a positioning deck, another protocol version). ``pace``: seconds of
+    the vehicle's world in one of the host. ``report``: receives one line on every event of clients. With ``own_clock``
     there is no thread and no socket: time passes in ``advance``. ``start`` raises InputError when an address cannot be
     had.
     """

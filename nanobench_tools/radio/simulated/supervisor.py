@@ -41,7 +41,8 @@ MOTORS = frozenset({S.READY, S.FLYING, S.LANDED, S.WARNING_LEVEL_OUT})
 
 @dataclass
 class Seen:
-    """What is looked at 25 times a second: accelerometer (3,) g, age of the set-point, ticks since a motor turned."""
+    """State that is checked 25 times a second: accelerometer (3,) g, age of the set-point, ticks since a motor turned.
+    """
 
     acc_g: np.ndarray
     setpoint_ms: int
@@ -64,7 +65,7 @@ class Supervisor:
 
     @property
     def airborne(self) -> bool:
-        """What the Kalman filter is told."""
+        """Input of the Kalman filter."""
         return self.state in (S.FLYING, S.WARNING_LEVEL_OUT)
 
     def arm(self, wanted: bool) -> bool:

@@ -2,7 +2,7 @@
 
 Two independent ways. Windows (``mathematics.lag_windows``): lags of half seconds of gyro and attitude, with a placebo
 for their noise. Track (``mathematics.track_error``): the estimated position ahead or behind along its path, with the
-error across as placebo; ten times finer, but it needs an estimated position. A wander seen on the track is also the
+error across as placebo. It is ten times finer, but needs an estimated position. A wander seen on the track is also the
 gyro's if the gyro's windows move with it (correlation beyond chance). It is then the link's clock and not the
 estimator.
 """
@@ -30,9 +30,10 @@ CONFIRMED = number("audit.drift_and_wander.confirmed")
 
 @dataclass(frozen=True)
 class Moving:
-    """``slope`` (s/s) and ``wander_sd_s`` of one stream's time error; whether they are beyond doubt; the detection
-    limits (change over the flight, standard deviation; s); evidence in words. ``like_track``: it moves with the
-    track."""
+    """``slope`` (s/s) and ``wander_sd_s`` of one stream's time error; whether they are significant.
+
+    Also the detection limits (change over the flight, standard deviation; s) and evidence in words. ``like_track``: it
+    moves with the track."""
 
     slope: float
     span_s: float

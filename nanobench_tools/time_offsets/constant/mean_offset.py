@@ -1,8 +1,8 @@
 """The mean offset of a link whose clock wanders.
 
 The lag that fits a wandering gyro best lies where its error is most often, not at its mean, and scatters by half the
-wander. Where the gyro moves with the track (``moving``), the track's error is taken out of the gyro's stamps first;
-what lag is left is the mean, several times sharper. Kept only if the gyro then fits better than before.
+wander. Where the gyro moves with the track (``moving``), the track's error is removed from the gyro's timestamps
+first. The remaining lag is the mean, several times sharper. Kept only if the gyro then fits better than before.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ GYRO = ("gyro_x", "gyro_y", "gyro_z")
 
 
 def mean_lag(context: Context) -> Lag | None:
-    """The gyro's lag without the wander that the track shows; None where that cannot be said."""
+    """The gyro's lag without the wander that the track shows; None where it is unknown."""
     clock, track = context.once(moving_clocks).get("imu"), context.once(track_of)
     plain = context.once(measured_lags).get("imu")
     placed, truth = paired_signals.on_grid(context, "imu", GYRO), context.once(derivatives_of)

@@ -27,8 +27,8 @@ MEASURED_BY: dict[str, tuple[pairs.MakePair, ...]] = {
 
 @dataclass(frozen=True)
 class Measured:
-    """Delay of a stream against the motion capture, how it moves, what it was compared by, and how its axes were put
-    right for that (order, sign, factor)."""
+    """Delay of a stream against the motion capture, its change, and the signals compared. Also how its axes were
+    corrected for that (order, sign, factor)."""
 
     lag: Lag
     movement: Movement | None

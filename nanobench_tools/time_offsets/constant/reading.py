@@ -1,4 +1,4 @@
-"""What is known about the clock of one stream."""
+"""Clock of one stream."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ class ClockReading(Result):
 
     ``ci95_s``: interval of the constant offset, or None; identifiable False (offset nan) with the reason in words;
     ``wander_sd_s``: standard deviation of what a constant leaves of the time error, nan when unknown; ``warp``: (t_s,
-    offset_s, sd_s) of an error that moves, empty when it was not estimated; ``evidence``: the kinds of streams that had
-    a vote in it.
+    offset_s, sd_s) of an error that moves, empty when it was not estimated; ``evidence``: the kinds of streams used to
+    estimate it.
     """
 
     offset_s: float

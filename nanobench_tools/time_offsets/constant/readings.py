@@ -34,7 +34,7 @@ UNSEEN = {
     "pid": "the vehicle follows its requests by an unknown delay",
     "battery": "cameras do not see the voltage",
     "command": "cameras do not see commands",
-    "stand": "nothing moves on a stand",
+    "stand": "a stand is always at rest",
 }
 
 
@@ -74,8 +74,8 @@ def _reading(context: Context, name: str, measured: dict[str, Measured]) -> Cloc
         )
     if gyro is None or _why_not(context, gyro, is_gyro=True):
         text = why_not or (
-            f"{own.by} follow by {_ms(own)}, of which the estimator's own delay is an unknown part, and "
-            "the gyro cannot tell"
+            f"{own.by} follow by {_ms(own)}, of which the estimator's own delay is an unknown part that the gyro "
+            "cannot separate"
         )
         return ClockReading.unknown(text)
     behind = own.lag.offset_s - gyro.lag.offset_s

@@ -1,7 +1,7 @@
 """Exact inference in a hidden Markov chain whose state is one number on a grid and moves by small steps.
 
-Forward-backward in the scaled form of Rabiner, "A tutorial on hidden Markov models" (1989), eq. 19-27, with a
-banded transition that may differ from row to row. Cost: rows x states x band.
+Forward-backward in the scaled form of Rabiner, "A tutorial on hidden Markov models" (1989), eq. 19-27. The transition
+is banded and may differ from row to row. Cost: rows x states x band.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ import numpy as np
 def posterior(log_likelihood: np.ndarray, log_transition: np.ndarray, up: int, causal: bool) -> np.ndarray:
     """(n, m) probabilities of the states given all rows (causal: given the rows up to each one).
 
-    log_likelihood (n, m); log_transition (n, b): row i holds the log weight of the step from row i - 1 in cells,
-    column c meaning a step of c - (b - 1 - up), so at most ``up`` cells upward; row 0 is not used.
+    - log_likelihood (n, m).
+    - log_transition (n, b): row i holds the log weight of the step from row i - 1 in cells, column c meaning a step of
+      c - (b - 1 - up), so at most ``up`` cells upward; row 0 is not used.
     """
     n, m = log_likelihood.shape
     width = log_transition.shape[1]
@@ -94,8 +95,11 @@ def add_student_evidence(log_likelihood: np.ndarray, row: np.ndarray, cell: np.n
                          stride: int = 1) -> None:
     """Adds to (n, m) ``log_likelihood`` how well each delay explains each sample; in place.
 
-    row (s,): chain row of the sample; cell (s,): its stamp on the fine grid of ``predicted`` (g, k); state j means
-    that the sample shows cell - (j + first_state) stride. measured (s, k), sigma (k,) in the unit of the stream.
+    - row (s,): chain row of the sample.
+    - cell (s,): its timestamp on the fine grid of ``predicted`` (g, k); state j means that the sample shows cell - (j
+      + first_state) stride.
+    - measured (s, k), sigma (k,): in the unit of the stream.
+
     Student t with 6 degrees of freedom, so that a spike cannot vote more than about twice; ``weight`` < 1 where
     neighbouring errors are alike.
     """

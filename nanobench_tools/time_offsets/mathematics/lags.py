@@ -1,9 +1,9 @@
 """By how much one vector signal follows another, with an interval that is honest about slow changes.
 
-Both signals are on one even grid and band-limited without delay. The measured one is modelled as
-s(t) = A r(t - d) + noise with a constant matrix A (free: sensors may be turned, scaled or mirrored against the
-reference; or the identity: world frames agree) and independent noise per axis; d maximises the likelihood. All sums
-are kept per short block, so that leaving blocks out (the delete-a-group jackknife) costs nothing.
+Both signals are on one even grid and band-limited without delay. The measured signal is modelled as s(t) = A r(t - d)
++ noise with a constant matrix A and independent noise per axis. A is free (sensors may be turned, scaled or mirrored
+against the reference) or the identity (world frames agree). The delay d maximises the likelihood. All sums are kept
+per short block, so that leaving blocks out (the delete-a-group jackknife) costs nothing.
 """
 
 from __future__ import annotations
@@ -29,9 +29,11 @@ LEAST_S = number("audit.lags.least_s")
 
 @dataclass(frozen=True)
 class LagSums:
-    """Second moments per block b and lag l: cross (b, l, k, k) of s(t) r(t - lag)', reference (b, l, k, k) of
-    r(t - lag) r(t - lag)', measured (b, k, k) of s s'; lags_s (l,); rows (b, m) of the grid in each block;
-    block_s its length."""
+    """Second moments per block b and lag l.
+
+    - cross (b, l, k, k): of s(t) r(t - lag)'.
+    - reference (b, l, k, k): of r(t - lag) r(t - lag)'; measured (b, k, k): of s s'.
+    - lags_s (l,); rows (b, m): of the grid in each block; block_s: its length."""
 
     lags_s: np.ndarray
     cross: np.ndarray

@@ -1,9 +1,9 @@
 """How the time error can move from one row to the next: samples are delivered late, never early, in order.
 
-A sample taken on a steady clock arrives after a varying delay; in a radio hang the delay grows by as much as time
-passes (firmware time stands still on the host), then a burst catches up. Hence d(i) - d(i-1) <= dt always, small
-steps mostly, rises of 0..dt while the radio hangs, falls after it. The shares and scales are weak: halving or
-doubling them moves the result by far less than its own standard deviation.
+A sample taken on a steady clock arrives after a varying delay. In a radio hang the delay grows by as much as time
+passes (firmware time stops on the host), then a burst catches up. Hence d(i) - d(i-1) <= dt always, small steps
+mostly, rises of 0..dt while the radio hangs, falls after it. The shares and scales are weak: halving or doubling them
+moves the result by far less than its own standard deviation.
 """
 
 from __future__ import annotations

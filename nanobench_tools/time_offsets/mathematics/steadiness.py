@@ -40,7 +40,7 @@ class Steadiness:
 
     @property
     def detectable_drift_s(self) -> float:
-        """Change over the flight that is found with 99.9 % probability; a line through n readings has its slope to
+        """Change over the flight that is found with 99.9 % probability. A line through n readings has its slope to
         within noise sqrt(12 / n) over the span."""
         slope_sd = max(self.noise_sd_s, 1e-5) * np.sqrt(12.0 / self.blocks)
         return max(SMALLEST_DRIFT_S, float((student.isf(CHANCE / 2, max(self.blocks - 2, 1)) + SURELY_SD) * slope_sd))

@@ -1,6 +1,6 @@
 """The time error of the estimated position, row by row: how far it lies ahead or behind along its own path.
 
-An error of time moves a position along the path and never across it, so the error across is the placebo: an estimate
+An error of time moves a position along the path and never across it, so the error across is the placebo. An estimate
 that is merely inaccurate errs as much across as along. In the published recordings it is 20 mm along and 1 mm across.
 """
 
@@ -24,8 +24,8 @@ FULL_ROWS = count("audit.track_error.full_rows")
 @dataclass(frozen=True, kw_only=True)
 class TrackError(Steadiness):
     """``time_s``, ``late_s`` (n,): rows fast enough and how late each position is beyond the mean and the slope;
-    ``wander_sd_s``: its scatter beyond that across, which is noise_sd_s, as a time; ``mean_sd_s``: how well these
-    rows tell the mean of the whole recording."""
+    ``wander_sd_s``: its scatter beyond that across, which is noise_sd_s, as a time; ``mean_sd_s``: standard deviation
+    of these rows' mean as an estimate of that of the whole recording."""
 
     time_s: np.ndarray
     late_s: np.ndarray

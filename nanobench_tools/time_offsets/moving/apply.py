@@ -19,14 +19,14 @@ from .votes import AS_RECORDED, voters
 
 
 def find_time_offset(flight: Flight, clock: str, judged: Iterable[str] = ()) -> TimeOffset | None:
-    """Correction of the timestamps of ``flight`` for ``clock`` (``votes.CLOCKS``), if ``judged`` (of
-    ``votes.ESTIMATES``) are judged on it; None if it cannot be identified.
+    """Correction of the timestamps of ``flight`` for ``clock`` (``votes.CLOCKS``), if ``judged`` are judged on it
+    (``judged`` is of ``votes.ESTIMATES``); None if it cannot be identified.
 
     Uses the motion capture of the whole flight: suitable for finding what limits a method, never for an online claim.
     Raises UsageError if the clock may not judge them.
     """
     judged = judged if isinstance(judged, str) else tuple(judged)
-    _kinds(clock, judged)  # an impossible choice is said before anything is computed
+    _kinds(clock, judged)  # report an impossible choice before anything is computed
     return time_offset_of(Context(flight), clock, judged)
 
 
@@ -55,8 +55,8 @@ def retimed(flight: Flight, clock: str = "retimed", judged: Iterable[str] = ("po
 
     ``clock``: ``retimed``, ``joint`` or ``offset``; ``judged``: which logged estimates you will judge on it, so that
     they get no vote (``votes``); ``joint`` needs ``judged=()``. Values, their order and ``samples`` stay. InputError
-    where no time error can be identified, and where stamps were moved before: what is left would be taken for a time
-    error once more.
+    where no time error can be identified, and where timestamps were moved before. There the remainder would be taken
+    for a time error once more.
     """
     if flight.provenance.clock_evidence:
         raise InputError(flight.provenance.path, "its stamps were moved before, by "

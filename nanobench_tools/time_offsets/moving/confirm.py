@@ -24,8 +24,8 @@ ESTIMATED, SENSED = ("attitude", "velocity", "position"), ("gyro", "acceleration
 
 
 def gain_on(context: Context, time_offset: TimeOffset, kind: str) -> tuple[float, float]:
-    """Share of the residual variance of stream ``kind`` that ``time_offset`` removes against the best constant, and its
-    standard error over blocks of BLOCK_S. Both clocks get their own best lag, so a constant cannot win or lose."""
+    """Share of the residual variance of stream ``kind`` that ``time_offset`` removes against the best constant. Also
+    its standard error over blocks of BLOCK_S. Both clocks get their own best lag, so a constant cannot win or lose."""
     if not len(time_offset.time_s):
         return 0.0, float("inf")
     judged = collect(context, (kind,), float(time_offset.time_s[0]), float(time_offset.time_s[-1]))
@@ -55,11 +55,11 @@ def believed(context: Context, kinds: tuple[str, ...] = tuple(KINDS)) -> TimeOff
     with the reason; None where not even that is identifiable. Where the firmware's ticks were logged the delay is
     measured, and nothing has to be inferred.
 
-    Without the estimated position: a moving error has to explain the voting streams better than every constant does,
-    its freedom counted (``TimeOffset.log_ratio`` above zero). No other stream is looked at.
-    With it that does not suffice, as an error of the estimate looks like time along the track. The clock of the
-    estimates alone must then make the gyro, which did not set it, agree better with the motion capture (``gain_on``)
-    by more than twice the standard error.
+    Without the estimated position, a moving error has to explain the voting streams better than every constant does.
+    Its freedom is counted (``TimeOffset.log_ratio`` above zero). No other stream is looked at. With it that does not
+    suffice, as an error of the estimate looks like time along the track. The clock of the estimates alone must then
+    make the gyro, which did not set it, agree better with the motion capture. The gain (``gain_on``) must exceed twice
+    the standard error.
     """
     measured = time_offset_from_ticks(context)
     if measured is not None:

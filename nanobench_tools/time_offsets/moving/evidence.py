@@ -43,8 +43,8 @@ FEWEST = count("retiming.evidence.fewest")
 @dataclass(frozen=True)
 class Kind:
     """stream and its quantities; ``start_sigma`` and ``floor``: first and smallest noise believed, SI;
-    ``detrended``: only its fast part is compared; ``group``: ``inertial`` or ``estimator``; ``typical_lag_s``
-    (behind the gyro of the same clock), ``typical_sigma`` and ``typical_weight``: medians of 64 real flights, for a
+    ``detrended``: only its fast part is compared; ``group``: ``inertial`` or ``estimator``; ``typical_lag_s`` (behind
+    the gyro of the same clock), ``typical_sigma`` and ``typical_weight`` are medians of 64 real flights. They serve a
     causal clock, which cannot learn them."""
 
     name: str
@@ -74,8 +74,11 @@ KINDS: dict[str, Kind] = {kind.name: kind for kind in (
 
 @dataclass
 class Evidence:
-    """Samples of one kind: time_s (s,), measured (s, k), predicted (g, k) on the fine grid from grid_start_s, and the
-    present belief about its lag_s, sigma (k,) and weight."""
+    """Samples of one kind.
+
+    - time_s (s,), measured (s, k).
+    - predicted (g, k): on the fine grid from grid_start_s.
+    - lag_s, sigma (k,), weight: present estimates."""
 
     kind: Kind
     time_s: np.ndarray
@@ -192,8 +195,8 @@ def _measured(kind: Kind, stream: Stream) -> np.ndarray:
 
 
 def collect(context: Context, kinds: tuple[str, ...], start_s: float, end_s: float) -> list[Evidence]:
-    """The evidence of ``kinds`` that this flight has between ``start_s`` and ``end_s``, without kinds of fewer than 100
-    usable samples."""
+    """The evidence of ``kinds`` that this flight has between ``start_s`` and ``end_s``. Kinds of fewer than 100 usable
+    samples are left out."""
     truth = context.once(derivatives_of)
     if truth is None:
         return []

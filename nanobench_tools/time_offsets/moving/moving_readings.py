@@ -11,7 +11,7 @@ from .confirm import believed
 
 
 def clocks_with_time_offset(context: Context) -> dict[str, ClockReading]:
-    """The constant readings of every stream; those on the vehicle's one clock also say how its error moves, if it
+    """The constant readings of every stream. Those on the vehicle's one clock also describe how its error moves, if it
     does and other streams confirm it."""
     readings = context.once(read_clocks)
     if not any(reading.identifiable for reading in readings.values()):

@@ -83,9 +83,10 @@ def with_mocap(flight: Flight, tracked: Flight) -> Flight:
 
 def coarse_offset(time_a: np.ndarray, a: np.ndarray, time_b: np.ndarray, b: np.ndarray,
                   place: str) -> float:
-    """Offset to add to ``time_b`` (m,) so that the magnitude of the vectors ``b`` (m, k) matches that of ``a`` (n, k)
-    at ``time_a`` (n,) [s], within a step of 10 ms. Raises InputError with ``place`` if no offset, or more than one,
-    fits."""
+    """Offset to add to ``time_b`` (m,) so that the magnitude of the vectors ``b`` (m, k) matches that of ``a``.
+
+    Shapes: ``a`` (n, k) at ``time_a`` (n,) [s]. The result is accurate to a step of 10 ms. Raises InputError with
+    ``place`` if no offset, or more than one, fits."""
     grids = [np.arange(t[0], t[-1], STEP_S) for t in (time_a, time_b)]
     x, y = (np.linalg.norm(CubicSpline(t, v)(g), axis=1) for g, t, v in
             zip(grids, (time_a, time_b), (a, b), strict=True))
@@ -102,7 +103,7 @@ def coarse_offset(time_a: np.ndarray, a: np.ndarray, time_b: np.ndarray, b: np.n
     rivals = np.where(np.abs(lags - lags[best]) * STEP_S > RIVAL_S, alike, -1.0)
     if rivals.max() > RIVAL_SHARE * alike[best]:
         raise InputError(place, f"two offsets fit alike: correlation {alike[best]:.2f} and {rivals.max():.2f}",
-                         "a path flown over and over does not tell; add take-off and landing")
+                         "a repeated path is ambiguous; add take-off and landing")
     return float(grids[0][0] - grids[1][0] + lags[best] * STEP_S)
 
 
@@ -123,7 +124,7 @@ def _turn(truth: MocapDerivatives, time_s: np.ndarray, gyro: np.ndarray) -> tupl
 
 
 def between(measured: Stream, reference: Stream, quantities: tuple[str, ...]) -> TimeOffset | None:
-    """Delay of the timestamps of ``measured`` against those of ``reference``, for two streams of the same
+    """Delay of the timestamps of ``measured`` against those of ``reference``. The two streams have the same
     ``quantities`` (two or more) on two clocks. A moving error is accepted only if each quantity confirms the others.
 
     None if the streams share less than two seconds. Offsets are sought within -250..+300 ms.

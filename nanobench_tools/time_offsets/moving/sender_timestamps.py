@@ -1,9 +1,9 @@
 """The delay of a clock whose ticks were logged: then it is measured, and nothing has to be inferred.
 
-A stream with the quantity ``tick`` carries the sender's own time of every sample beside the receiver's stamp. Stamps
-are never early, so the straight line below all of (tick, stamp) is the sender's clock in the receiver's time, and what
-lies above it is the delay of the link (the lower-envelope method of Moon, Skelly, Towsley, "Estimation and removal of
-clock skew from network delay measurements", INFOCOM 1999, a linear program).
+A stream with the quantity ``tick`` carries the sender's own time of every sample in addition to the receiver's
+timestamp. Timestamps are never early, so the straight line below all of (tick, timestamp) is the sender's clock in the
+receiver's time. The distance above it is the delay of the link. Source: the lower-envelope method of Moon, Skelly,
+Towsley, "Estimation and removal of clock skew from network delay measurements", INFOCOM 1999, a linear program.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def time_offset_from_ticks(context: Context) -> TimeOffset | None:
     """The measured warp; None without a stream that has ticks in order.
 
     The least delay of the link itself is not seen in ticks. With motion capture it is the lag that fits the gyro best
-    once the varying part is gone, else it stays unknown and the standard deviation says so.
+    once the varying part is gone. Otherwise it stays unknown and the standard deviation includes this.
     """
     streams = [stream for stream in context.flight.streams.values() if "tick" in stream.quantities]
     measured = [m for m in map(_delay_of, streams) if m is not None]

@@ -1,8 +1,8 @@
 """Advance of the sender's time between two rows, from two of its streams of which one is the other's rate.
 
 A position advances by velocity times time. Between two rows of the file the sender's clock advanced by dx.r / |r|^2
-(dx: increment, r: rate) while the file's clock advanced by dt, so the delay grew by dt - dx.r / |r|^2. No motion
-capture is used. The noise is the part of the increment across the rate, where time cannot act.
+(dx: increment, r: rate). The file's clock advanced by dt, so the delay grew by dt - dx.r / |r|^2. No motion capture is
+used. The noise is the part of the increment across the rate, where time cannot act.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ Pair = tuple[np.ndarray, np.ndarray]
 @dataclass(frozen=True)
 class StepKind:
     """``needs``: the kinds of evidence that must be used (``evidence.KINDS``). ``slowest``: rates below it are
-    uninformative, unit of the rate. ``slow_error_s``: a rate has slow errors (bias, scale); over this time the
-    clock's error averages out, so that the increments show the rate's error. ``weight``: weight of a row, since
-    neighbouring errors are correlated."""
+    uninformative, unit of the rate. ``slow_error_s``: a rate has slow errors (bias, scale). Over this time the clock's
+    error averages out, so that the increments show the rate's error. ``weight``: weight of a row, since neighbouring
+    errors are correlated."""
 
     name: str
     needs: tuple[str, ...]

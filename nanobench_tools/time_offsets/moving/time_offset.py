@@ -16,12 +16,13 @@ from ...results.result import Result
 class TimeOffset(Result):
     """How late the stamps of one clock are against the motion capture.
 
-    time_s, offset_s, sd_s (n,): recorded time, lateness (positive = late, subtract it) and its standard deviation;
-    constant_s: the best constant, used outside of time_s; wander_sd_s: scatter of offset_s about a line; moving:
-    whether a moving error was found (else offset_s is the constant everywhere); lags_s: each stream's own constant lag
-    behind the clock, left in the data because it belongs to the estimator or the sensor; reason: one sentence;
-    evidence: the kinds of streams that had a vote; log_ratio: logarithm of how much likelier they are with a moving
-    clock than with a constant one, nan where that was not asked.
+    - time_s, offset_s, sd_s (n,): recorded time, lateness (positive = late, subtract it) and its standard deviation.
+    - constant_s: the best constant, used outside of time_s; wander_sd_s: scatter of offset_s about a line.
+    - moving: whether a moving error was found (else offset_s is the constant everywhere).
+    - lags_s: each stream's own constant lag behind the clock, left in the data because it belongs to the estimator or
+      the sensor.
+    - reason: one sentence; evidence: the kinds of streams used.
+    - log_ratio: logarithm of the likelihood ratio of a moving clock to a constant one, nan where it was not computed.
     """
 
     time_s: np.ndarray
@@ -36,8 +37,8 @@ class TimeOffset(Result):
     log_ratio: float = math.nan
 
     def points(self, tolerance_s: float = 0.001) -> tuple[tuple[float, float, float], ...]:
-        """(t_s, offset_s, sd_s) of as few rows as say offset_s within ``tolerance_s`` by straight lines (Ramer 1972,
-        Douglas and Peucker 1973); empty when nothing moves."""
+        """(t_s, offset_s, sd_s) of the fewest rows that describe offset_s within ``tolerance_s`` by straight lines.
+        Empty for a constant offset. Source: Ramer 1972, Douglas and Peucker 1973."""
         if not self.moving or len(self.time_s) < 2:
             return ()
         keep = np.zeros(len(self.time_s), bool)

@@ -9,8 +9,8 @@ from ...flight import Flight
 
 AS_RECORDED = "as-recorded"
 CLOCKS = (AS_RECORDED, "offset", "retimed", "joint")
-"""Clocks, from the smallest to the largest correction: none, the gyro's constant delay, a moving error that independent
-streams show, a moving error that the estimated position shows too."""
+"""Clocks, from the smallest to the largest correction: none, the gyro's constant delay, and two moving errors. The
+first is shown by independent streams, the second by the estimated position too."""
 
 INERTIAL = ("gyro", "acceleration")
 ESTIMATES = ("position", "velocity", "attitude")
