@@ -36,6 +36,8 @@ SLOW_LATE_S = (1.0, 3.0, 10.0, 25.0)
 SAMPLE_S, STRETCH_S = ROW_S * FORCE_ROWS, ROW_S * TORQUE_ROWS
 LEVELS = ("tilt", "lift", "trim", "yaw_trim")
 """Groups that differ from flight to flight."""
+FORCES = ("place", "air", "thrust", "time", "late")
+"""Groups of a force that no effect explains."""
 FIXED = "fixed"
 """Groups of amplitude 1: their columns have the size of a standard deviation."""
 LIFT_OF_ALL = "lift_of_all"

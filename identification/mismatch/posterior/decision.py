@@ -12,6 +12,7 @@ from nanobench_tools.settings import number
 
 from ..space import reduced
 from ..wrench import CHANNELS
+from .background import FORCES, rms, turning_size
 from .build import Case, rest_of
 from .sizing import INSIDE, Refined, on_map, parts_of
 from .weighing import Weighing
@@ -21,6 +22,10 @@ NAMED = number("posterior.decision.named")
 LEANING = number("posterior.decision.leaning")
 ALTERNATIVE = number("posterior.decision.alternative")
 """Log evidence that an exchange may cost for these flights not to tell two effects."""
+MATTERS_M_S2 = number("posterior.decision.matters_m_s2")
+"""Physics without a name below this is as good as flights allow."""
+OUTWEIGHS = number("posterior.decision.outweighs")
+"""Times the force that no effect explains."""
 NINETY_FIVE = 1.96
 TWINS: dict[str, tuple[str, ...]] = {"com_offset": ("motor_imbalance",), "mass": ("thrust_scale",),
                                      "thrust_scale": ("mass",)}
@@ -94,23 +99,14 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
     sure = {i: sum(p for s, p in posterior.items()
                    if {evidence.effects[j].term for j in s} & set(kinds[i])) for i in best}
     by_term = _by_term(case, posterior)
-    found = weighing.sizes(tuple(i for i in best if sure[i] >= NAMED))
-    while found.chosen:
-        sizes = {i: _sizes(case, i, found) for i in found.chosen}
-        said = {i: f"the 95 % interval includes the simulator's value: {_shortest(sizes[i])}" for i in found.chosen
-                if not any(size.excludes for size in sizes[i].values())}
-        said |= {i: BEYOND for i in found.chosen if i not in said and _on_bound(case, i, found)}
-        if not said:
-            break
-        rejected |= {case.effects[i].term: why for i, why in said.items()}
-        found = weighing.sizes(tuple(i for i in found.chosen if i not in said))
+    found = _standing(weighing, tuple(i for i in best if sure[i] >= NAMED), rejected)
     if again is not None and len(found.chosen) > 1:
         first = max(found.chosen, key=lambda i: _size_of(case, i, found))
         there = set(again(_written(case, weighing.sizes((first,)))))
         gone = {i for i in found.chosen if i != first and not there & set(kinds[i])}
         rejected |= {case.effects[i].term: f"no longer identified once {case.effects[first].term} is corrected"
                      for i in gone}
-        found = weighing.sizes(tuple(i for i in found.chosen if i not in gone))
+        found = _standing(weighing, tuple(i for i in found.chosen if i not in gone), rejected)
     findings = tuple(_finding(case, i, found, kinds[i], sure[i], by_term) for i in found.chosen)
     named = {t for f in findings for t in (f.term, *f.equivalent)}
     leaning = {t: p for t, p in by_term.items() if p >= LEANING and t not in named and t not in rejected}
@@ -119,6 +115,57 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
     alone = {case.effects[i].term: weighing.score((i,)) - weighing.score(())
              for i in sorted(range(len(case.effects)), key=lambda i: weighing.score((i,)))}
     return Decision(findings, leaning, rejected, found, _written(case, found) if findings else None, alone)
+
+
+def _standing(weighing: Weighing, chosen: tuple[int, ...], rejected: dict[str, str]) -> Refined:
+    """Sizes of those of a set that change the simulator, lie inside their bounds and outweigh what no effect explains;
+    the others are added to ``rejected`` {term: why}."""
+    case, found = weighing.case, weighing.sizes(chosen)
+    while found.chosen:
+        sizes = {i: _sizes(case, i, found) for i in found.chosen}
+        said = {i: f"the 95 % interval includes the simulator's value: {_shortest(sizes[i])}" for i in found.chosen
+                if not any(size.excludes for size in sizes[i].values())}
+        said |= {i: BEYOND for i in found.chosen if i not in said and _on_bound(case, i, found)}
+        said = said or _overshadowed(case, found)
+        if not said:
+            break
+        rejected |= {case.effects[i].term: why for i, why in said.items()}
+        found = weighing.sizes(tuple(i for i in found.chosen if i not in said))
+    return found
+
+
+def unexplained(case: Case, found: Refined) -> dict[str, float]:
+    """m/s^2 RMS by group of the discrepancy: what no effect explains beside a set at its sizes."""
+    evidence = case.evidence
+    if found.across is None:
+        return evidence.sizes_of(evidence.everything(())[evidence.P:])
+    across = found.across.of(np.ones(len(case.flights), bool))[:case.beside_all.many]
+    moved = (found.step - found.at) * evidence.unit[evidence.columns(found.chosen)]
+    mean = evidence.mean_of(across[:, -1] - across[:, :-1] @ moved, evidence.takes_lift(found.chosen))
+    return evidence.sizes_of(mean[evidence.P:])
+
+
+def force_of(discrepancy: Mapping[str, float]) -> float:
+    """m/s^2 RMS of the force in ``unexplained``."""
+    return float(np.sqrt(sum(discrepancy.get(group, 0.0) ** 2 for group in FORCES)))
+
+
+def _overshadowed(case: Case, found: Refined) -> dict[int, str]:
+    """{number: why} of the effect that stands out least from a force that matters and that no effect explains, where it
+    is not OUTWEIGHS times as large: such a force could feign it. Of effects that act as a force more than as a
+    moment."""
+    left = force_of(unexplained(case, found))
+    if left < MATTERS_M_S2:
+        return {}
+    sizes = dict[int, float]()
+    for i, part in parts_of(case, found.chosen, found.step):
+        push, turn = rms(case.effects[i].force @ part), turning_size(case.effects[i].torque @ part, case.arm)
+        if turn < push < OUTWEIGHS * left:
+            sizes[i] = float(push)
+    if not sizes:
+        return {}
+    least = min(sizes, key=lambda i: sizes[i])
+    return {least: f"{sizes[least]:.2g} m/s^2 beside a force of {left:.2g} m/s^2 that no effect explains"}
 
 
 def _size_of(case: Case, which: int, found: Refined) -> float:

@@ -12,7 +12,6 @@ import numpy as np
 from nanobench_tools.flight import Flight
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.model import find_term
-from nanobench_tools.settings import number
 
 from ..diagnosis import open_case, verdict_of_flights
 from ..equivalent import Equivalent
@@ -22,13 +21,12 @@ from ..recordings import Recordings
 from ..space import space_around
 from ..verdict import Verdict, data_faults, not_asked
 from ..wrench import Wrench
+from .background import FORCES
 from .build import Case, build
-from .decision import Decision, Finding, decide
+from .decision import MATTERS_M_S2, Decision, Finding, decide, force_of, unexplained
 from .left_by_posterior import left_by_posterior
 from .left_out_flights import Improvement, Predictions, row_of
 
-MATTERS_M_S2 = number("posterior.posterior_engine.matters_m_s2")
-"""Physics without a name below this is as good as flights allow."""
 LAST = 0.9
 """Confidence where a single flight judged itself."""
 
@@ -76,21 +74,15 @@ def verdict_body(recordings: Recordings, simulator: Model, seed: int = 0) -> dic
     return diagnose(recordings, simulator, seed=seed).to_json()
 
 
-def unexplained(case: Case, decision: Decision) -> dict[str, float]:
-    """m/s^2 RMS by group of the discrepancy: what no effect explains, beside the named ones."""
-    evidence = case.evidence
-    return evidence.sizes_of(evidence.everything(decision.found.chosen)[evidence.P:])
-
-
 def body_of(case: Case, decision: Decision, improvement: Improvement, recordings: Recordings,
             floor: np.ndarray) -> dict[str, Any]:
     """verdict.json without what belongs to the file around it."""
-    left = unexplained(case, decision)
-    size = float(np.sqrt(sum(v**2 for g, v in left.items() if g in ("place", "air", "thrust", "time", "late"))))
+    left = unexplained(case, decision.found)
+    size = force_of(left)
     findings = [_entry(f, recordings) for f in decision.findings]
     unknown = None
     if size > MATTERS_M_S2:
-        most = max((g for g in left if g in ("place", "air", "thrust", "time", "late")), key=lambda g: left[g])
+        most = max((g for g in left if g in FORCES), key=lambda g: left[g])
         unknown = {"where": {"axes": ["force"], "kind": most, "flights": list(recordings.names)},
                    "bound_m_s2": 2.0 * size, "hint": f"a force that goes with {WORDS[most]}, {size:.2f} m/s^2 RMS"}
     outcome = "named" if findings else "unknown" if unknown else "data_fault" if recordings.forbidding else "none"

@@ -155,11 +155,15 @@ class Evidence:
         """(P + Q,) posterior mean of all columns, given a set: how far terms are off beside it, and the background."""
         shift = np.zeros(self.P + len(self.background.group))
         shift[self.columns(chosen)] = self.weighed(chosen)[1]
-        deviation = self._deviations(self.takes_lift(chosen))
-        right = deviation * (self.gram[:-1, -1] - self.gram[:-1, :-1] @ shift)
+        return self.mean_of(self.gram[:-1, -1] - self.gram[:-1, :-1] @ shift, self.takes_lift(chosen))
+
+    def mean_of(self, right: np.ndarray, lifted: bool) -> np.ndarray:
+        """(P + Q,) posterior mean of all columns beside a set, whose inner products with what it leaves are ``right``
+        (P + Q,); ``lifted``: ``takes_lift`` of it."""
+        deviation = self._deviations(lifted)
         factor = _factor(self.gram[:-1, :-1], deviation)
-        return np.asarray(deviation * solve_triangular(factor.T, solve_triangular(factor, right, lower=True),
-                                                       lower=False))
+        half = solve_triangular(factor, deviation * right, lower=True)
+        return np.asarray(deviation * solve_triangular(factor.T, half, lower=False))
 
     def weighed(self, chosen: tuple[int, ...]) -> tuple[float, np.ndarray, np.ndarray]:
         """Log evidence of a set over none, sizes marginalised; its coefficients and their slab at the most probable

@@ -13,7 +13,7 @@ from scipy.stats import multivariate_normal
 
 from identification.mismatch.memory import runs_of
 from identification.mismatch.page import GOES_WITH
-from identification.mismatch.posterior import set_evidence
+from identification.mismatch.posterior import decision, set_evidence
 from identification.mismatch.posterior.arm_unit import arms
 from identification.mismatch.posterior.background import FIXED, Background, fourier
 from identification.mismatch.posterior.effects import Effect, effects_of, within_reach
@@ -49,6 +49,22 @@ def test_random_cosines_have_the_covariance_of_their_process():
     kernel = np.exp(-0.5 * ((z - z.T) / 0.8) ** 2)
     centre = np.eye(81) - 1.0 / 81
     assert np.abs(found - centre @ kernel @ centre).max() < 0.1
+
+
+@pytest.mark.parametrize(("left_m_s2", "rejected"), [(0.29, []), (0.31, []), (0.34, [0]), (1.0, [0])])
+def test_a_force_is_identified_only_where_it_outweighs_what_no_effect_explains(left_m_s2, rejected):
+    """Pushes of 0.5 and 1.8 m/s^2, and a moment, which no force hides: the weaker push goes first."""
+    def effect(term: str, push: float, turn: float) -> Effect:
+        force, torque = np.zeros((4, 3, 1)), np.zeros((4, 3, 1))
+        force[:, 0], torque[:, 1] = push, turn
+        return Effect(term, force, torque, {}, np.array([-9.0]), np.array([9.0]))
+
+    evidence = SimpleNamespace(P=3, everything=lambda chosen: np.zeros(3),
+                               sizes_of=lambda found: {"place": 0.6 * left_m_s2, "air": 0.8 * left_m_s2, "tilt": 9.0})
+    effects = [effect("wind", 0.5, 0.0), effect("mass", 1.8, 0.0), effect("com_offset", 0.0, 9.0)]
+    case = SimpleNamespace(effects=effects, evidence=evidence, arm=np.full(3, 0.03))
+    found = SimpleNamespace(chosen=(0, 1, 2), step=np.ones(3), across=None)
+    assert list(decision._overshadowed(case, found)) == rejected
 
 
 def small_case(seed: int = 0):
