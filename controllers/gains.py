@@ -1,7 +1,7 @@
 """Tunable gains and weights: the declaration by a controller, and their TOML file.
 
-A tunable controller has ``tunable`` (name -> ``Gain``) and takes ``gains`` (name -> value) when it is made; other gains
-keep their value. A user's ``module:Class`` may do the same.
+A tunable controller has ``tunable`` (name -> ``Gain``) and takes ``gains`` (name -> value) when it is made. Other
+gains keep their value. A user's ``module:Class`` may do the same.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ SCHEMA = "nanobench-gains/1"
 
 @dataclass(frozen=True)
 class Gain:
-    """value: what it is now; low, high: between these it is searched, on a scale of ratios."""
+    """value: the present one; low, high: limits of the search, on a scale of ratios."""
 
     value: float
     low: float

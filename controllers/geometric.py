@@ -1,7 +1,7 @@
 """Geometric control on SE(3) (Lee, Leok, McClamroch 2010, doi:10.1109/CDC.2010.5717652) for the recorded vehicle.
 
-The equations are the firmware's (``nanobench_tools.firmware.lee``) with the moment it leaves out; here are the numbers
-of the vehicle and gains for its slow motors.
+The equations are the firmware's (``nanobench_tools.firmware.lee``) with the moment that it omits. This file has the
+numbers of the vehicle and gains for its slow motors.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class Geometric(Lee):
         self.thrust_scale = thrust_scale
 
     def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
-        """PWM ratios (n, 4), finite and within 0..1 whatever the input; drag along the reference is fed forward."""
+        """PWM ratios (n, 4), finite and within 0..1 for any input; drag along the reference is fed forward."""
         with np.errstate(all="ignore"):
             pushed = reference.acceleration_m_s2 + DRAG_1_S * np.asarray(reference.velocity_m_s)
         return super().command(time_s, state, replace(reference, acceleration_m_s2=pushed))

@@ -1,8 +1,10 @@
 """Linear-quadratic regulator about the reference: one constant gain from the ``control`` package (discrete Riccati).
 
-States of the error, in the frame of the reference's heading: integral of position, position, velocity, rotation vector,
-body rate, and thrust and moments still on their way through the motors, which are not measured but simulated from the
-commands given. Thrust, attitude and rates that the reference itself needs are fed forward (differential flatness).
+States of the error, in the frame of the reference's heading: integral of position, position, velocity, rotation
+vector, body rate, thrust and moments.
+
+Thrust and moments on their way through the motors are not measured but simulated from the commands given. Thrust,
+attitude and rates that the reference itself needs are fed forward (differential flatness).
 """
 
 from __future__ import annotations
@@ -33,7 +35,7 @@ TOLERATED = setting("control.lqr.tolerated")
 EFFORT = setting("control.lqr.effort")
 LIMITS = setting("control.lqr.limits")
 LEAST_LIFT = 0.1
-"""Of g: no less thrust is asked along the vertical, so that none is upside down."""
+"""Of g: minimum vertical thrust command, so that no vehicle is upside down."""
 
 
 def model(vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
@@ -103,7 +105,7 @@ class Lqr:
         self._wrench = np.zeros(n, WRENCH)
 
     def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
-        """PWM ratios (n, 4), finite and within 0..1 whatever the input."""
+        """PWM ratios (n, 4), finite and within 0..1 for any input."""
         state, reference = self.guard.admit(state, reference)
         length_N, target, rate = self._wanted(reference)
         heading = np.stack([np.cos(reference.yaw_rad), np.sin(reference.yaw_rad)])

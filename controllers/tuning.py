@@ -1,9 +1,9 @@
 """Search for gains on an ensemble of plants, tested on unseen plants and paths.
 
-The covariance matrix adaptation evolution strategy (Hansen, Ostermeier 2001, doi:10.1162/106365601750190398; package
-``cma``) proposes the logarithms of the gains and minimises ``objective``. Half of the plants have a radio that is later
-than controllers assume. The best few and the original gains then fly on other plants, the same paths, and the best
-there is chosen: the best of many on a few plants partly fits just these.
+The covariance matrix adaptation evolution strategy proposes the logarithms of the gains and minimises ``objective``
+(Hansen, Ostermeier 2001, doi:10.1162/106365601750190398; package ``cma``). Half of the plants have a radio that is
+later than controllers assume. The best few and the original gains then fly on other plants, the same paths, and the
+best there is chosen. The reason: the best of many on a few plants partly fits just these.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from .plants.simulated_flights import flown, made
 
 @dataclass(frozen=True, repr=False)
 class Flown(Result):
-    """Results of a controller on every path (outer) with every plant (inner): RMSE and RMSE across the path [m], None
-    without one, and whether the vehicle was lost."""
+    """Results of a controller on every path (outer) with every plant (inner). They are RMSE and RMSE across the path
+    [m], None without one, and whether the vehicle was lost."""
 
     rmse_m: Sequence[Sequence[float | None]]
     contour_m: Sequence[Sequence[float | None]]

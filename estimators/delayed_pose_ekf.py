@@ -1,7 +1,7 @@
 """The filter that is not told how late poses come: the offset between the poses' clock and the vehicle's is a state.
 
-A pose is compared with where the filter was then, found by taking back what the IMU integrated since; how the
-comparison changes with the offset is the velocity (and, for the attitude, the rate) at that time.
+A pose is compared with the position of the filter at that time, found by undoing the later integration of the IMU. The
+change of this comparison with the offset is the velocity (and, for the attitude, the rate) at that time.
 """
 
 from __future__ import annotations

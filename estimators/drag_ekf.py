@@ -1,7 +1,7 @@
 """Dead reckoning with all that gyro, accelerometer and the pattern of missing packets can say.
 
-Beyond ``error_state_ekf``: stamps are set back by what the missing packets tell, what is left of their error is a
-state; the bias of the vertical accelerometer drifts as the board warms; drag carries a slow flow of the air as state.
+Additions to ``error_state_ekf``: missing packets correct the timestamps, and the rest of their error is a state. The
+bias of the vertical accelerometer drifts as the board warms. Drag has a slow flow of the air as a state.
 """
 
 from __future__ import annotations

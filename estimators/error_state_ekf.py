@@ -1,8 +1,9 @@
 """Dead reckoning by an error-state extended Kalman filter on the recorded IMU, with drag as velocity information.
 
-State: position, velocity (world), attitude, biases of accelerometer and gyro, and the small constant rotation from the
-IMU to the tracked body frame (``inertial_core``). A quadrotor's accelerometer feels no thrust across its rotor axis,
-only drag, so its x and y say -k v (Leishman et al., "Quadrotors and accelerometers", IEEE Control Systems 2014).
+State: position, velocity (world), attitude, and biases of accelerometer and gyro. Also the small constant rotation
+from the IMU to the tracked body frame (``inertial_core``). A quadrotor's accelerometer measures no thrust across its
+rotor axis, only drag. Its x and y are therefore -k v (Leishman et al., "Quadrotors and accelerometers", IEEE Control
+Systems 2014).
 """
 
 from __future__ import annotations

@@ -28,14 +28,18 @@ class FirmwareEkf:
     """The vehicle's own Kalman filter, run again: core and 1 kHz task of firmware 2025.12.1, default noise settings
     (``nanobench_tools.firmware.kalman``).
 
-    Given: the poses in ``mocap``, each applied at its stamp with no delay; the recorded IMU, which is a row per 10 ms
-    of what the vehicle had each ms, so the samples between two rows are drawn on a straight line between them
-    (``held``: a row stands until the next); the motors, for the flag "flying" (without them it flies from the start).
-    Nothing of the logged estimate. It starts at place and yaw of the first pose, level and at rest as the firmware
-    does (``parameters`` (1,) PARAMETERS: wherever they say; ``pose_sd``: m and rad that it is told of a pose), and
-    begins there anew beyond 10 m/s or 100 m. No drag and no biases, as on board; the estimate at a row is what the task
-    had said by then, and moves at its 100 Hz. Rows of the IMU stand on the nearest ms, poses and motors on the next
-    one, counted between rows.
+    Inputs:
+
+    - the poses in ``mocap``, each applied at its timestamp with no delay;
+    - the recorded IMU, a row per 10 ms of the vehicle's samples at 1 ms; samples between two rows are interpolated
+      linearly (``held``: a row applies until the next);
+    - the motors, for the flag "flying" (without them it flies from the start).
+
+    The logged estimate is not used. It starts at position and yaw of the first pose, level and at rest as the firmware
+    does (``parameters`` (1,) PARAMETERS: from their own start; ``pose_sd``: m and rad, the SD assumed for a pose), and
+    restarts there beyond 10 m/s or 100 m. No drag and no biases, as on board. The estimate at a row is the task's
+    output up to then, and moves at its 100 Hz. Rows of the IMU are placed on the nearest ms, poses and motors on the
+    next one, counted between rows.
     """
 
     name = "firmware_ekf"

@@ -2,8 +2,8 @@
 
 Densities are those of the low frequencies, which add up in an integral. A row interpolated between two packets is
 quieter than a packet and adds no information, so the scatter of rows is too small. ``at_rate`` converts a density to a
-stream that lost packets: vibration is faster than any of these rates and folds into them as white noise, of which fewer
-packets average less.
+stream that lost packets. Vibration is faster than any of these rates and folds into them as white noise, of which
+fewer packets average less.
 """
 
 from __future__ import annotations
@@ -27,11 +27,16 @@ MAY_BE_ZERO = ("stamp_s_sqrtHz", "vertical_m_s2_sqrtHz", "gyro_walk_rad_s2_sqrtH
 class ImuNoise:
     """One-sided amplitude densities (white noise), walks of the biases, and how far biases may be off at the start.
 
-    gyro [rad/s/sqrt(Hz)], acc [m/s^2/sqrt(Hz)]; walks [rad/s^2/sqrt(Hz)], [m/s^3/sqrt(Hz)]; stamp [s/sqrt(Hz)] is the
-    wander of the stamps, which makes noise of a signal as fast as that changes (0 where it is part of the densities);
-    vertical [m/s^2/sqrt(Hz)] is acc along the rotors' axis (0: as acc); rate_hz the true rate of the packets they were
-    measured at. The defaults are a 40 g Crazyflie in flight, its log
-    sent over radio: ten times the sensor's at rest, for vibration and for stamps that are late by a varying time.
+    Noise densities.
+
+    - gyro [rad/s/sqrt(Hz)], acc [m/s^2/sqrt(Hz)]; walks [rad/s^2/sqrt(Hz)], [m/s^3/sqrt(Hz)].
+    - stamp [s/sqrt(Hz)]: the wander of the timestamps, which makes noise in proportion to the slope of a signal (0
+      where it is part of the densities).
+    - vertical [m/s^2/sqrt(Hz)]: acc along the rotors' axis (0: as acc).
+    - rate_hz: the true rate of the packets they were measured at.
+
+    The defaults are a 40 g Crazyflie in flight, its log sent over radio. They are ten times the sensor's at rest, for
+    vibration and for timestamps with a varying delay.
     """
 
     gyro_rad_s_sqrtHz: float = number("imu.imu_noise.imunoise_gyro_rad_s_sqrthz")

@@ -82,8 +82,8 @@ class Inertial:
     keep_covariance = True
 
     def estimate(self, flight: Flight) -> Estimate:
-        """Raises InputError without IMU or a second of poses, for a hole in the IMU, units or axes that the poses
-        contradict, and without a stream that an aid of this row needs."""
+        """Raises InputError without IMU or a second of poses, and for a hole in the IMU. Also for units or axes that
+        the poses contradict, and without a stream that an aid of this row needs."""
         for stream, quantity in (("motor", "m1"), ("battery", "vbat")):
             if stream in self.needs and (stream not in flight or quantity not in flight[stream]):
                 raise InputError(flight.provenance.path, f"has no {stream} stream, which {self.name} needs",
@@ -161,7 +161,7 @@ def rows_of(flight: Flight, radio: bool = True) -> Rows:
 
 
 def lifted(flight: Flight, time_s: np.ndarray) -> np.ndarray:
-    """(n,) bool at ``time_s``: the first airborne row of each lift-off, from the motors' PWM known at that time; all
+    """(n,) bool at ``time_s``: the first airborne row of each lift-off, from the motors' PWM known at that time. All
     False without motors."""
     found = np.zeros(len(time_s), bool)
     if _has_motors(flight) and len(time_s):

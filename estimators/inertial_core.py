@@ -3,7 +3,7 @@
 Error dynamics after Sola, "Quaternion kinematics for the error-state Kalman filter" (2017), section 5 (local angular
 error). Covariances are propagated along the few entries of the transition that differ from the identity, and updated
 one scalar at a time in Joseph's form. Everything is in the vehicle's clock: a pose of time t belongs to the row with
-timestamp t + ``late``, whose constant part and wander are states, and the estimate is propagated by it.
+timestamp t + ``late``. The constant part and wander of ``late`` are states, and the estimate is propagated by it.
 """
 
 from __future__ import annotations
@@ -15,9 +15,12 @@ from nanobench_tools.settings import setting
 from nanobench_tools.units import GRAVITY_M_S2
 
 P, V, Q, BA, BG, MOUNT, SLOPE, AIR, LATE, WANDER = 0, 3, 6, 10, 13, 16, 19, 20, 22, 23
-"""Layout of a state (24,): position and velocity (world), quaternion, biases of accelerometer and gyro, rotation of the
-tracked frame, drift of the vertical accelerometer's bias, air flow (as specific force, body x and y), delay of the
-vehicle's timestamps and its wander."""
+"""Layout of a state (24,), in this order:
+
+- position and velocity (world), quaternion, biases of accelerometer and gyro;
+- rotation of the tracked frame, drift of the vertical accelerometer's bias, air flow (as specific force, body x and
+  y);
+- delay of the vehicle's timestamps and its wander."""
 
 STATE, ERROR = 24, 23
 _P, _V, _T, _BA, _BG, _M, _S, _A, _L, _W = 0, 3, 6, 9, 12, 15, 18, 19, 21, 22
@@ -87,9 +90,9 @@ def small_angle(q: np.ndarray, w: np.ndarray) -> np.ndarray:
 @nb.njit(cache=True)
 def stamp_noise(time_s: np.ndarray, acc: np.ndarray, gyro: np.ndarray, i: int, back_row: int,
                 stamp: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Squared densities from the wander ``stamp`` [s per root Hz] of timestamps at row i, of the accelerometer x, y and
-    z and of the gyro. A timestamp off by d makes an error of d times the slope (here since ``back_row``), white
-    since d changes fast."""
+    """Squared densities of the accelerometer x, y and z and of the gyro. They follow from the wander ``stamp`` [s per
+    root Hz] of timestamps at row i. A timestamp off by d makes an error of d times the slope (here since
+    ``back_row``), white since d changes fast."""
     square = (stamp / max(time_s[i] - time_s[back_row], 1e-3)) ** 2
     level = (0.5 * ((acc[i, 0] - acc[back_row, 0]) ** 2 + (acc[i, 1] - acc[back_row, 1]) ** 2)) * square
     upright = (acc[i, 2] - acc[back_row, 2]) ** 2 * square
@@ -194,11 +197,11 @@ def run(stamps_s: np.ndarray, time_s: np.ndarray, acc: np.ndarray, gyro: np.ndar
         flying: np.ndarray, measured: np.ndarray, pose_of: np.ndarray, pose_s: np.ndarray, poses: np.ndarray,
         settings: np.ndarray, first: int, state: np.ndarray, cov: np.ndarray, sums: np.ndarray, turns: np.ndarray,
         out: np.ndarray, sds: np.ndarray) -> None:
-    """Filters rows ``first``.. of (n,) rows, going on from ``state`` and ``cov``, which end as after the last row.
+    """Filters rows ``first`` .. of (n,) rows, from ``state`` and ``cov``. These end as after the last row.
 
     ``stamps_s``, ``time_s`` (n,): the rows' stamps, and those on which the IMU is integrated. ``flying`` (n,) bool:
     drag counts. acc, gyro (n, 3); ``drawn`` (n,): share of the row that carries no packet; ``told`` (n, 6) or (0, 6):
-    body velocity x, y that something else says [m/s], its SD [m/s] and how it moves with the accelerometer's bias [s];
+    body velocity x, y from another source [m/s], its SD [m/s] and its derivative by the accelerometer's bias [s];
     ``pose_of`` (n + 1,): poses pose_of[i]..pose_of[i + 1] have arrived by row i; ``pose_s`` (m,) when they were
     measured; ``poses`` (m, 7). sums (n, 6), turns (n, 4): room for what the IMU alone would integrate to. ``out`` (n,
     11): position, velocity, quaternion and the squared innovation of the positions of the row's poses (nan: none);

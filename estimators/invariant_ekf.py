@@ -1,9 +1,9 @@
 """A right-invariant extended Kalman filter on the recorded IMU, with drag as velocity information.
 
-Error on SE_2(3) in the world frame, whose propagation depends on the estimate only through the biases. After Barrau and
-Bonnabel, "The invariant extended Kalman filter as a stable observer" (IEEE TAC 2017), and Hartley et al.,
-"Contact-aided invariant extended Kalman filtering for robot state estimation" (IJRR 2020). Biases are appended, and the
-small constant rotation from the IMU to the tracked frame, as in the error-state filter.
+Error on SE_2(3) in the world frame, whose propagation depends on the estimate only through the biases. Sources: Barrau
+and Bonnabel, "The invariant extended Kalman filter as a stable observer" (IEEE TAC 2017). Hartley et al.,
+"Contact-aided invariant extended Kalman filtering for robot state estimation" (IJRR 2020). Biases are appended, and
+the small constant rotation from the IMU to the tracked frame, as in the error-state filter.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def _crossed(v: np.ndarray, rot: np.ndarray, out: np.ndarray) -> None:
 @nb.njit(cache=True)
 def _transition(c: np.ndarray, out: np.ndarray, dt: float, rot: np.ndarray, v_rot: np.ndarray,
                 p_rot: np.ndarray) -> None:
-    """out = (F c)^T for the transition F of one step: gravity turns an error of attitude into one of velocity, and
+    """out = (F c)^T for the transition F of one step. Gravity turns an error of attitude into one of velocity, and
     biases enter by the adjoint with the parts rot, v x rot and p x rot (3, 3)."""
     g = GRAVITY_M_S2 * dt
     for j in range(ERROR):
@@ -124,8 +124,12 @@ def _noise(cov: np.ndarray, turn: float, level: float, upright: float, rot: np.n
 def _filter(time_s: np.ndarray, acc: np.ndarray, gyro: np.ndarray, flying: np.ndarray, arrived: np.ndarray,
             pose_s: np.ndarray, poses: np.ndarray, settings: np.ndarray, ps: np.ndarray, vs: np.ndarray,
             qs: np.ndarray, nis: np.ndarray, sds: np.ndarray) -> None:
-    """Fill position and velocity (n, 3), quaternion (n, 4), the squared innovation of the positions of a row's poses
-    (n,) (nan without any), and the covariance (n, 9, 9) of position and velocity (world) and attitude (body)."""
+    """Fill the reports of n rows:
+
+    - position and velocity (n, 3), quaternion (n, 4);
+    - the squared innovation of the positions of a row's poses (n,) (nan without any);
+    - the covariance (n, 9, 9) of position and velocity (world) and attitude (body).
+    """
     n = len(time_s)
     p, q, v = poses[0, :3].copy(), poses[0, 3:].copy(), np.zeros(3)
     bg, ba, mount = np.zeros(3), np.zeros(3), np.zeros(3)
@@ -206,9 +210,8 @@ def _filter(time_s: np.ndarray, acc: np.ndarray, gyro: np.ndarray, flying: np.nd
 
 @nb.njit(cache=True)
 def _given_out(c: np.ndarray, out: np.ndarray, p: np.ndarray, v: np.ndarray, rot: np.ndarray) -> None:
-    """out (9, 9) = (B c)^T, where B gives errors of position, velocity (world) and attitude (body) from the invariant
-    ones, to first order: a world rotation theta moves the position by theta x p. Applied twice, it gives the
-    covariance."""
+    """out (9, 9) = (B c)^T. B gives errors of position, velocity (world) and attitude (body) from the invariant ones,
+    to first order: a world rotation theta moves the position by theta x p. Applied twice, it gives the covariance."""
     for j in range(9):
         x, y, z = c[0, j], c[1, j], c[2, j]
         out[j, 0] = c[6, j] + y * p[2] - z * p[1]

@@ -1,10 +1,11 @@
 """Dead reckoning with a learned velocity, from IMU and motors of the last second.
 
-A ridge regression from sums of the past that fade at several rates to the body's velocity across the rotors' axis. Drag
-(accelerometer), the moment on rotors in a side wind (gyro) and the controller's answer to it (motor voltages) depend on
-that velocity; products make it nonlinear. The filter uses it in addition to drag, with an SD that grows with the
-velocity. The regression has a weight for a constant error of the accelerometer, so that the bias stays a state. A
-network would have a hundred times as many parameters for the same flights; here every one can be read.
+A ridge regression from sums of the past that fade at several rates to the body's velocity across the rotors' axis.
+Three signals depend on that velocity: drag (accelerometer), the moment on rotors in a side wind (gyro) and the
+controller's reaction (motor voltages). Products make the regression nonlinear. The filter uses it in addition to drag,
+with an SD that grows with the velocity. The regression has a weight for a constant error of the accelerometer, so that
+the bias stays a state. A network would have a hundred times as many parameters for the same flights; here every one
+can be read.
 
 Weights are in ``learned_velocity.json``, one set for each trajectory type, fitted without that type (``python
 benchmarks/studies/learned_velocity.py``). So a flight is never judged by weights that saw its type.

@@ -1,10 +1,10 @@
 """How late the rows of a log sent by radio are, told from the packets that are missing, without any reference.
 
-A resampler draws rows on a straight line where no packet came. While the radio waits, what a row shows falls behind its
-stamp; the packets of the gap then come all at once and the stamps catch up. So lateness rises with every interpolated
-row and fades within some tenths of a second: sums of the interpolated rows so far, forgotten at several rates, follow
-it. Causal: a row is known to be drawn when the next one is there. Where rows are packets nothing is drawn and nothing
-is late.
+A resampler draws rows on a straight line where no packet came. While the radio waits, the content of a row falls
+behind its timestamp. The packets of the gap then come all at once and the timestamps catch up. So the delay rises with
+every interpolated row and fades within some tenths of a second. Sums of the interpolated rows so far, forgotten at
+several rates, follow it. Causal: a row is known to be drawn when the next one is there. Where rows are packets nothing
+is drawn and nothing is late.
 """
 
 from __future__ import annotations

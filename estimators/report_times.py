@@ -1,4 +1,4 @@
-"""At which times an estimator without stamps of its own reports."""
+"""Times at which an estimator without timestamps reports."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@
 # ---
 
 # %% [markdown]
-# # My log: what is in it, and what is wrong with it
+# # My log: its content and its faults
 #
 # Set `NANOBENCH_NOTEBOOK_DATA` to a folder of your recordings. Without it, flights are simulated (SYNTHETIC).
 
@@ -27,7 +27,7 @@ audits = nb.audit(flights)
 audits
 
 # %% [markdown]
-# The first one in detail. Every row is one event, whatever the number of streams in which it shows.
+# The first one in detail. Every row is one event, for any number of streams in which it shows.
 
 # %%
 first = audits[0]

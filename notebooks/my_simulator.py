@@ -8,9 +8,9 @@
 # %% [markdown]
 # # My simulator: where is it wrong
 #
-# What is believed here is a vehicle that is 15 % heavier than the one that flew. The diagnosis has to say that its
+# This simulator is 15 % heavier than the vehicle that flew. The diagnosis has to say that its
 # thrust per mass is wrong, how large that is, and how much better it predicts once mended. All else is fitted with
-# every term: what a simulator leaves out besides would stand beside the name, or hide it.
+# every term: further omissions of a simulator would be reported with the effect, or hide it.
 
 # %%
 import os

@@ -8,7 +8,7 @@
 # %% [markdown]
 # # My vehicle: what physics does it obey
 #
-# Physical terms are fitted to what they predict half a second ahead. Mass comes from a scale: flights tell its ratios.
+# Physical terms are fitted to their predictions half a second ahead. Mass comes from a scale: flights show ratios to it.
 
 # %%
 import os
@@ -25,7 +25,7 @@ print(model.summary())
 model.parameters_
 
 # %% [markdown]
-# A fit that is none says so in `trouble`: a parameter at its bound, a vehicle that does not fly.
+# A failed fit has a message in `trouble`: a parameter at its bound, a vehicle that does not fly.
 
 # %%
 model.trouble

@@ -2,9 +2,9 @@
 
 python benchmarks/speed/audit_speed.py [--data DIR...] [--most N] [--jobs 2] [--json FILE]
 
-Cold: nothing is taken from the cache of parsed recordings. The read and the audit of one recording are one item, as a
-user's first ``nanobench audit`` does them; then the audits alone, on one core, with the largest named. The plain reader
-(``read_speed.py``: csv module and ``float``) says how fast the machine is. Without recordings, practice flights
+Cold: nothing is taken from the cache of parsed recordings. The read and the audit of one recording are one item, as in
+a user's first ``nanobench audit``. Then come the audits alone, on one core, and the largest recording. The plain
+reader (``read_speed.py``: csv module and ``float``) says how fast the machine is. Without recordings, practice flights
 (SYNTHETIC).
 """
 

@@ -1,10 +1,10 @@
-"""Runs every script beside this one, keeps its ratios in ``results.csv`` and says which got clearly worse.
+"""Runs every script in this folder, keeps its ratios in ``results.csv`` and reports clearly worse ones.
 
     python benchmarks/speed/bench.py [SCRIPT...] [--no-keep]
 
-``make bench``. Sizes are small, so that all take less than half an hour; a script by itself measures more. Exit code 1
-where a script failed, or where a ratio lies below the one it has to reach, or clearly below the last one kept on the
-same kind of machine.
+``make bench``. Sizes are small, so that all take less than half an hour; a script run alone measures more. Exit code 1
+where a script failed, or where a ratio is below its requirement. Also where it is clearly below the last one kept on
+the same kind of machine.
 """
 
 from __future__ import annotations

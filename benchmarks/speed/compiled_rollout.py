@@ -1,15 +1,19 @@
-"""Our compiled rollouts beside Numba over generated Python source and JAX, for a whole fit and a whole plant run.
+"""Our compiled rollouts against Numba over generated Python source and JAX, for a whole fit and a whole plant run.
 
     python benchmarks/speed/compiled_rollout.py [--data DIR] [--sizes small full] [--repeats N] [--json FILE]
 
-The same functions three ways: the instructions of the CasADi function as LLVM code (``nanobench_tools.physics``); as
-Python source, a line a value, that Numba compiles, the inner loop over eight windows; and the model's equations in JAX,
-``jvp`` and ``vmap`` over directions and windows and ``scan`` over rows, in double precision. The fit is the full
-model of ``nanobench sysid`` until it has converged, small (every twelfth window) and full (every third, as in
-``fit_speed``); the plant is that of Task 2 behind the firmware's compiled controllers, a second of 32 and of 512
-vehicles. Cold: no function is compiled, neither in memory nor on disk; smallest size. Warm: every function is compiled,
-as with a full disk cache. Medians of N runs that take turns, one thread, and times over ours. Without JAX its column is
-left out. Without recordings, practice flights (SYNTHETIC).
+The same functions three ways:
+
+- the instructions of the CasADi function as LLVM code (``nanobench_tools.physics``);
+- as Python source, a line a value, that Numba compiles, the inner loop over eight windows;
+- the model's equations in JAX, ``jvp`` and ``vmap`` over directions and windows and ``scan`` over rows, in double
+  precision.
+
+The fit is the full model of ``nanobench sysid`` until convergence, small (every twelfth window) and full (every third,
+as in ``fit_speed``). The plant is that of Task 2 behind the firmware's compiled controllers, a second of 32 and of 512
+vehicles. Cold: no function is compiled, neither in memory nor on disk; smallest size. Warm: every function is
+compiled, as with a full disk cache. Medians of N runs that take turns, one thread, and times over ours. Without JAX
+its column is left out. Without recordings, practice flights (SYNTHETIC).
 """
 
 from __future__ import annotations
@@ -77,8 +81,9 @@ def most(a, b):
 
 
 def source(function, roles: list[str]) -> tuple[str, int, int]:
-    """Python source of f(state, ...) -> next state: ``uniform(uniform inputs, out)`` what depends on these alone, and
-    ``lanes(given, w)`` the rest for LANES windows in the flat w; values it takes from uniform, components of w."""
+    """Python source of f(state, ...) -> next state. ``uniform(uniform inputs, out)`` computes what depends on these
+    alone, and ``lanes(given, w)`` the rest for LANES windows in the flat w. Values it takes from uniform, components
+    of w."""
     names = {getattr(ca, name): name[3:].lower() for name in dir(ca) if name.startswith("OP_")}
     begins = np.cumsum([0] + [0 if role == "uniform" else function.numel_in(i) for i, role in enumerate(roles)])
     work: dict[int, str] = {}

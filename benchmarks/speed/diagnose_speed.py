@@ -4,10 +4,11 @@
 
 SYNTHETIC flights of one vehicle, 40 s each and different paths, by two onboard controllers, through the logging chain
 with a telemetry clock that wanders. The simulator is the vehicle's without its drag, so that something is named and
-proved. What is timed is what ``nanobench diagnose`` does: audit, re-timing, residual, names, proof; reading and the
-page are not. Time of plain NumPy steps of the simulator says how fast the machine is. With ``--jobs 1`` the processor's
-time is printed too, which other work on the machine does not lengthen as much. Nothing is cached between runs but
-compiled code, which a first run of two flights pays for. Exit code 1 when five flights of 40 s take longer than 60 s.
+proved. Times the steps of ``nanobench diagnose``: audit, re-timing, residual, identification, proof; reading and the
+page are not included. Time of plain NumPy steps of the simulator says how fast the machine is. With ``--jobs 1`` the
+processor's time is printed too, which other work on the machine does not lengthen as much. Nothing is cached between
+runs but compiled code, which a first run of two flights pays for. Exit code 1 when five flights of 40 s take longer
+than 60 s.
 """
 
 from __future__ import annotations

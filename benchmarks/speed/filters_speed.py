@@ -1,11 +1,13 @@
-"""How fast the inertial filters run, as multiples of real time on one core, beside plain NumPy and GTSAM's filter.
+"""Speed of the inertial filters, as multiples of real time on one core, against plain NumPy and GTSAM's filter.
 
     python benchmarks/speed/filters_speed.py [--seconds 40]
 
-A practice flight with a pose every 10 ms for the first half, none afterwards. "plain NumPy" does the arithmetic of the
-compiled core (23 states: propagation by dense matrices, the six scalars of a pose, two of drag) row by row;
-GTSAM's NavStateImuEKF (9 states, no biases, no drag) is called from Python row by row, with positions as
-measurements. The median of five runs; compilation is not counted. All in processor time of one process.
+A practice flight with a pose every 10 ms for the first half, none afterwards.
+
+"plain NumPy" does the arithmetic of the compiled core row by row (23 states: propagation by dense matrices, the six
+scalars of a pose, two of drag); GTSAM's NavStateImuEKF (9 states, no biases, no drag) is called from Python row by
+row, with positions as measurements. The median of five runs; compilation is not counted. All in processor time of one
+process.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ from nanobench_tools.practice import practice_flight
 from nanobench_tools.protocols.blackout import given_until
 
 SLOW_ROWS = 500
-"""What is not compiled runs over so many rows, with a pose each, only."""
+"""The uncompiled filters run over so many rows only, with a pose each."""
 
 
 def seconds_of(function: Callable[[], object], times: int = 5) -> float:

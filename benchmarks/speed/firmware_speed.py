@@ -2,9 +2,9 @@
 
     python benchmarks/speed/firmware_speed.py [--vehicles 1000] [--seconds 2]
 
-A chain is estimate and setpoint in, PWM out: the controller at every step of the 1 kHz loop, mixer, battery
-compensation of four motors and cap at 500 Hz. Compilation is not counted. The plain version is a cascade of as many
-PID loops as the firmware has, in Python.
+A chain is estimate and setpoint in, PWM out: the controller at every step of the 1 kHz loop. Mixer, battery
+compensation of four motors and cap run at 500 Hz. Compilation is not counted. The plain version is a cascade of as
+many PID loops as the firmware has, in Python.
 """
 
 from __future__ import annotations

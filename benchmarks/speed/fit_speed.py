@@ -1,12 +1,12 @@
-"""Speed of a grey-box fit beside the same fit with scipy and finite differences, in one run.
+"""Speed of a grey-box fit against the same fit with scipy and finite differences, in one run.
 
     python benchmarks/speed/fit_speed.py [--data DIR] [--json FILE]
 
-The same training flights, windows, errors, robust cost, priors, bounds, scales and start for both: the full model of
-``nanobench sysid`` without nuisances of the flights. Each searches until it has converged. The peer is
-scipy.optimize.least_squares (trf, 2-point derivatives) on the batched NumPy rollout of the same model; beside it the
-same on our compiled rollout, which is our code too. One thread each; compilation is in our time. The whole fit of
-``sysid`` with random effects of every flight is timed by itself. Without recordings, practice flights (SYNTHETIC).
+Both have the same training flights, windows, errors, robust cost, priors, bounds, scales and start. Both fit the full
+model of ``nanobench sysid`` without nuisances of the flights. Each searches until it has converged. The peer is
+scipy.optimize.least_squares (trf, 2-point derivatives) on the batched NumPy rollout of the same model. A second
+comparison uses our compiled rollout, which is our code too. One thread each; compilation is in our time. The whole fit
+of ``sysid`` with random effects of every flight is timed separately. Without recordings, practice flights (SYNTHETIC).
 """
 
 from __future__ import annotations

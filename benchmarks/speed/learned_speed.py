@@ -1,7 +1,7 @@
-"""How long learned models take to predict, in this process: 1,000 windows of 50 steps, the first call (which compiles)
-and the median of ten more (wall clock, and processor time, which others do not lengthen), beside the published physics
-in NumPy; and of the networks also in PyTorch if it is there. Then a plan of MPPI: 512 rollouts of 0.5 s on the shipped
-plant's equations, for each of 12 vehicles.
+"""Prediction time of learned models, in this process: 1,000 windows of 50 steps, the first call (which compiles) and
+the median of ten more. Both as wall clock and as processor time, which other work does not lengthen. The published
+physics in NumPy is the reference; the networks also run in PyTorch if it is installed. Then a plan of MPPI: 512
+rollouts of 0.5 s on the shipped plant's equations, for each of 12 vehicles.
 
     python benchmarks/speed/learned_speed.py [--windows 1000] [--repeat 10]
 

@@ -1,4 +1,4 @@
-"""ATE and RTE of one 42 s flight beside evo on the same arrays: the ratio of times, and that the numbers agree.
+"""ATE and RTE of one 42 s flight against evo on the same arrays: the ratio of times, and that the numbers agree.
 
     python benchmarks/speed/metrics_speed.py [--data PATH] [--json FILE]
 

@@ -1,4 +1,4 @@
-"""Prediction windows of a model: compiled code beside plain NumPy and beside CasADi's own map, in one run.
+"""Prediction windows of a model: compiled code against plain NumPy and CasADi's own map, in one run.
 
     python benchmarks/speed/model_speed.py [--windows N] [--json FILE]
 

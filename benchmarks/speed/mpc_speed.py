@@ -1,10 +1,10 @@
-"""How long predictive controllers take from a measurement to the command, everything included; do-mpc beside them.
+"""Time of predictive controllers from a measurement to the command, everything included; do-mpc for comparison.
 
     python benchmarks/speed/mpc_speed.py [--steps 2000] [--referee 40] [--json FILE]
 
-A SYNTHETIC vehicle is flown round a fast figure of eight; every command is timed on the clock of the wall and on that
-of the thread, which runs only while the thread does (on a machine with other work the first is longer). Horizons are 20
-steps of 25 ms. do-mpc (IPOPT) gets the same problem as nmpc: equations, targets, weights, bounds, from the same starts.
+A SYNTHETIC vehicle is flown round a fast figure of eight. Every command is timed on the wall clock and on that of the
+thread, which runs only while the thread does. On a machine with other work the first is longer. Horizons are 20 steps
+of 25 ms. do-mpc (IPOPT) gets the same problem as nmpc: equations, targets, weights, bounds, from the same starts.
 """
 
 from __future__ import annotations

@@ -5,9 +5,9 @@
 SYNTHETIC: vehicles that hover. Counted is processor time of whole flights (``plants.closed_loop.fly``): sensing,
 controller with guard, motors, battery, physics at 500 Hz, records; not compilation. ``late``: the estimate is the
 truth, late and with errors; ``onboard``: the firmware's Kalman filter at 1 kHz for every vehicle too, as the gate and
-the simulated rows have it. ``compiled chain`` is the same loop without what the Controller protocol and its guard
-cost: the firmware's own step, mixer and compensation behind the late estimate. The practice plant is stepped by NumPy
-behind the same controller.
+the simulated rows have it. ``compiled chain`` is the same loop without the cost of the Controller protocol and its
+guard. It is the firmware's own step, mixer and compensation behind the late estimate. The practice plant is stepped by
+NumPy behind the same controller.
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
     python benchmarks/speed/read_speed.py [--data DIR] [--jobs 2] [--repeat 3] [--json FILE]
 
-The plain reader unpacks every CSV and turns it into one array with ``numpy.loadtxt``, which knows no units, no sheets
-and no broken files; a second one uses the csv module and ``float``. Cold means an empty cache folder; the operating
-system may hold the files in memory for all readers alike.
+The plain reader unpacks every CSV and turns it into one array with ``numpy.loadtxt``, which supports no units, sheets
+or broken files. A second one uses the csv module and ``float``. Cold means an empty cache folder; the operating system
+may hold the files in memory for all readers alike.
 """
 
 from __future__ import annotations

@@ -3,10 +3,10 @@
     python benchmarks/speed/served_vehicle.py [--seconds S] [--vehicles N]
 
 Connecting: cflib from PyPI through UDP until all parameters are there, without a table cache. Own clock: a flight with
-the nine blocks of the recordings at 100 Hz, set-points and poses at 100 Hz; beside it the plain version, the same
-vehicle and firmware stepped without radio, logs and poses. Ten at once: ``nanobench simulate --serve
---vehicles N`` in a separate process, flown and logged like that by this one; late is a turn of the server (one every
-10 ms or sooner) that ran more than 10 ms after its time.
+the nine blocks of the recordings at 100 Hz, and set-points and poses at 100 Hz. The plain version for comparison is
+the same vehicle and firmware stepped without radio, logs and poses. Ten at once: ``nanobench simulate --serve
+--vehicles N`` in a separate process, flown and logged like that by this one. A turn of the server (one every 10 ms or
+sooner) is late if it ran more than 10 ms after its time.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""How fast the smoothers are, beside plain GTSAM, in one run.
+"""Speed of the smoothers against plain GTSAM, in one run.
 
     python benchmarks/speed/smoothers_speed.py [--seconds 42] [--repeats 5]
 
 A flight in closed form (SYNTHETIC) with poses at 10 Hz and 1 cm of noise, arriving 30 ms late. Processor time of one
-core, median of the repeats, because a machine that does other things at the same time says nothing by its wall clock.
-Plain GTSAM is what its examples do: a state and an ImuFactor for every row of the IMU, Levenberg-Marquardt; and its own
-filter, NavStateImuEKF, row by row from Python. Both know the IMU exactly as ours do, but no bias walk and no lateness.
+core, median of the repeats, because other work on the machine distorts the wall clock. Plain GTSAM is the code of its
+examples: a state and an ImuFactor for every row of the IMU, Levenberg-Marquardt. Its own filter, NavStateImuEKF, runs
+row by row from Python. Both know the IMU exactly as ours do, but no bias walk and no lateness.
 """
 
 from __future__ import annotations

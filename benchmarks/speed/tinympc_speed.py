@@ -1,12 +1,14 @@
-"""TinyMPC beside our linear program: the same steady program about hover, from the same starts.
+"""TinyMPC against our linear program: the same steady program about hover, from the same starts.
 
     python benchmarks/speed/tinympc_speed.py [--python OTHER] [--starts 500]
 
-SYNTHETIC. TinyMPC takes one A, B and diagonal costs; it needs numpy 1 and runs in an interpreter of its own: OTHER, or
-that of ``.venv-tinympc``, which the first run makes (pip compiles TinyMPC in two minutes). 12 states, 4 thrusts,
-N = 20, thrusts bounded as on a battery of 3.5 V; starts are drawn so that about half meet a bound. Both have the
-program set up, or condensed, before the clock starts; timed is from a new start to the thrusts. ``mpc_daqp`` does more
-in a command: it linearises along a moving target, condenses, observes and maps to PWM (``mpc_speed.py``).
+SYNTHETIC. TinyMPC takes one A, B and diagonal costs. It needs numpy 1 and runs in a separate interpreter: OTHER, or
+that of ``.venv-tinympc``, which the first run makes (pip compiles TinyMPC in two minutes).
+
+The program has 12 states, 4 thrusts, N = 20, and thrusts bounded as on a battery of 3.5 V. Starts are drawn so that
+about half meet a bound. Both have the program set up, or condensed, before the clock starts; timed is from a new start
+to the thrusts. ``mpc_daqp`` does more in a command: it linearises along a moving target, condenses, observes and maps
+to PWM (``mpc_speed.py``).
 """
 
 from __future__ import annotations

@@ -2,10 +2,10 @@
 
 python benchmarks/studies/aided_bound.py [--data DIR]
 
-10 Hz poses, 30 ms late, 1 cm (protocol ``aided``). Per clock: mean ATE and the RMS that the estimators' own covariances
-state; where both agree, the error is what the noise of IMU and stamps leaves, and only less noise would lower it. Last
-the least error of any causal estimate (steady Riccati equation of
-position and velocity along one axis, three axes alike) and of any that looks ahead, by the noise of the acceleration.
+10 Hz poses, 30 ms late, 1 cm (protocol ``aided``). Per clock: mean ATE and the RMS of the estimators' own covariances.
+Where both agree, the error comes from the noise of IMU and timestamps, and only less noise would lower it. Last, by
+the noise of the acceleration, the least error of any causal estimate and of any that looks ahead. The causal one
+solves the steady Riccati equation of position and velocity along one axis, three axes alike.
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ def line(label: str, cases: Sequence[task3.Case], method: Estimator) -> None:
 
 
 def riccati(density: float) -> tuple[float, float]:
-    """Least RMS of three axes [m], causal (over the delay and the time to the next pose) and looking ahead, for white
-    noise of the acceleration of this density [m/s^2 per root Hz]."""
+    """Least RMS of three axes [m] for white noise of the acceleration of this density [m/s^2 per root Hz]. Once causal
+    (over the delay and the time to the next pose), once looking ahead."""
     step = 1.0 / AIDING.rate_hz
     a, h = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[1.0, 0.0]])
 

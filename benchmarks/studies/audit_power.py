@@ -2,9 +2,10 @@
 
 python benchmarks/studies/audit_power.py [--clean 200] [--each 8] [--offsets 200] [--seed 1] [--json FILE]
 
-Clean: flights as they come out of the logging chain; the continued straight line at their end is a true fault and must
-be found where the chain put it. Power: every injection of ``practice.inject`` at every size and case, in ``--each``
-flights; found means the same kind, an affected stream, and times that meet. Offsets: drawn from -100..100 ms.
+Clean: flights as the logging chain writes them. The continued straight line at their end is a true fault and must be
+found where the chain put it. Power: every injection of ``practice.inject`` at every size and case, in ``--each``
+flights. An injection is found if kind and an affected stream agree and the times overlap. Offsets: drawn from
+-100..100 ms.
 """
 
 from __future__ import annotations
@@ -36,7 +37,8 @@ from nanobench_tools.time_offsets.constant.readings import read_clocks
 
 INFORMATION = those(lambda kind: not kind.in_overview)
 TRUE_TAIL_S = 0.15
-"""A dead end may be told this far from where the chain cut the stream: one packet and one row, more after a loss."""
+"""The audit may place a dead end this far from where the chain cut the stream: one packet and one row, more after a
+loss."""
 
 
 def interval(hits: int, n: int) -> str:

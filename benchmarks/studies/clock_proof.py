@@ -1,18 +1,19 @@
-"""What the clocks of re-timing are worth: what they take out, what they must leave, and how far that can be trusted.
+"""Value of the re-timing clocks: the errors they remove, those they must leave, and how far they can be trusted.
 
     python benchmarks/studies/clock_proof.py [--flights N] [--seed N] [--every N] [--data DIR ...] [--jobs N]
                                              [--json FILE]
 
-Part 1 (SYNTHETIC): practice flights with no wander, and with a sawtooth of 31 ms SD; claimed SD, RMS error, and how
-often the 95 % interval covers the truth.
-Part 2, nulls: an along-track error of the estimated position (30 ms times speed, at .3, 1, 3 Hz and smoothly random),
-alone and in position and velocity together, is put into recordings: a clock that judges the estimate has to leave it.
-A wander of the stamps (sawtooth of 20 ms SD), alone and with such an error beside it: the clock has to take it out.
-Part 3: the onboard estimate along and across its track by clock, and a clock from some streams judged on a stream it
-never saw, against the best constant; each judged stream may choose its own constant lag, so that a constant cannot
-win. ``causal``: uses nothing later than 0.06 s after each row, with noise and lags that are typical and not learnt.
-Without recordings parts 2 and 3 use the practice flights, and say SYNTHETIC. Copies are left out. The constants of the
-clocks were set on the NanoBench dataset (``nanobench settings retiming``), so these flights are no held-out ones.
+Part 1 (SYNTHETIC): practice flights with no wander, and with a sawtooth of 31 ms SD. Reports claimed SD, RMS error,
+and how often the 95 % interval covers the truth.
+Part 2, nulls: an along-track error of the estimated position is put into recordings, and a clock that judges the
+estimate has to leave it. The error is 30 ms times speed, at .3, 1, 3 Hz and smoothly random, alone and in position and
+velocity together. A wander of the timestamps (sawtooth of 20 ms SD), alone and together with such an error: the clock
+has to remove it. Part 3: the onboard estimate along and across its track by clock, and a clock from some streams
+judged on an unused stream, against the best constant. Each judged stream may choose its own constant lag, so that a
+constant cannot win. ``causal``: uses nothing later than 0.06 s after each row, with noise and lags that are typical
+and not learnt. Without recordings parts 2 and 3 use the practice flights, and say SYNTHETIC. Copies are left out. The
+constants of the clocks were set on the NanoBench dataset (``nanobench settings retiming``), so these flights are no
+held-out ones.
 """
 
 from __future__ import annotations

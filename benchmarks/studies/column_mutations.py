@@ -1,8 +1,8 @@
 """One column of every table of bug reports removed, renamed or rescaled: read right, asked about, or silently wrong?
 
 ``python benchmarks/studies/column_mutations.py [FOLDER]`` counts outcomes over the tables below FOLDER (default
-``../shared/data/reports``) and lists what is silently wrong: a value in SI that differs from that of the whole table,
-of a unit that is neither marked as assumed nor asked about, in a flight whose audit reports no fault.
+``../shared/data/reports``) and lists silent errors. A silent error is a value in SI that differs from that of the
+whole table, in a flight whose audit reports no fault. Its unit is neither marked as assumed nor questioned.
 """
 
 from __future__ import annotations

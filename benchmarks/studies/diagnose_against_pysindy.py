@@ -4,16 +4,16 @@
     python benchmarks/studies/diagnose_against_pysindy.py [--cases 12] [--seed 77] [--json FILE]
 
 SYNTHETIC cases of ``nanobench prove`` (kinds but faults of the data, which sparse regression does not look for). Both
-are given the same tracks after audit and re-timing, and the same vocabulary: a column of pysindy's library is what one
-parameter of one term does to force and torque along the flights, scaled to RMS 1, beside the residual of all six
-channels in units of its own spread. Of ``mass`` and ``thrust_scale``, which do the same, it is given one. Two ways:
+get the same tracks after audit and re-timing, and the same vocabulary. A column of pysindy's library is the effect of
+one parameter of one term on force and torque along the flights, scaled to RMS 1. The target is the residual of all six
+channels, each in units of its spread. Of ``mass`` and ``thrust_scale``, which do the same, it is given one. Two ways:
 
     STLSQ           threshold by flights held out in turn, the sparsest within one standard error of the best
     best threshold  one threshold for all cases: the one that gets most of these very cases right (flatters pysindy)
 
-Sparse regression has no way to say "unknown", nor that two terms cannot be distinguished; both are scored by the rules
-of ``nanobench prove``, which count a name right when it is the concealed term or its declared twin; a thrust map that
-pysindy names is taken for either map. Time is from tracks to
+Sparse regression cannot report "unknown", nor that two terms are indistinguishable. Both are scored by the rules of
+``nanobench prove``, in which an identified effect is right when it is the concealed term or its declared twin. A
+thrust map that pysindy identifies is taken for either map. Time is from tracks to
 verdict for both; ours includes predictions of flights left out.
 """
 

@@ -3,9 +3,9 @@
     python benchmarks/studies/firmware_internals.py [--data DIR] [--clock as-recorded|retimed]
 
 Motors: PWM of the logged thrust command by the battery compensation, against the mean command that the four logged
-PWMs decode to. Controllers: fed with the logged estimate, gyro, setpoint and battery (open loop, 100 Hz logs of a
-1 kHz loop), desired angles and thrust against the logged ones; the Mellinger controller logs none, so its thrust is
-judged by the decoded motor command, and in both by the PWM of every motor. Rows: airborne, without faults.
+PWMs decode to. Controllers: fed with the logged estimate, gyro, setpoint and battery (open loop, 100 Hz logs of a 1
+kHz loop). Desired angles and thrust are compared with the logged ones. The Mellinger controller logs none, so its
+thrust is judged by the decoded motor command, and in both by the PWM of every motor. Rows: airborne, without faults.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ def main() -> None:
         if given.clock == "retimed":
             try:
                 flight = retimed(flight)
-            except InputError:  # its clock cannot be told
+            except InputError:  # its clock is unknown
                 continue
         build = build_of(flight)
         found = replay(flight, verdict.controller, BUILD if build is None else build)

@@ -1,10 +1,10 @@
 """Flying over a link: jitter of the 100 Hz loop with a predictive controller, and the circle with every controller.
 
-``--minutes N`` (default 5) flies MPC in real time against a served vehicle in another process: how late ticks begin and
-set-points leave, deadlines missed, and where the time of those ticks went. ``--circle`` flies the simulated vehicle on
-its own clock over 10 ms and 2 % loss with every controller and seed, and prints tracking error and what the audit says
-of the clock. ``--hidden`` hides effects in the vehicle and asks ``nanobench diagnose``. Figures of a busy machine are
-figures of that machine: the load is printed beside them.
+``--minutes N`` (default 5) flies MPC in real time against a served vehicle in another process. It reports late ticks
+and set-points, missed deadlines, and where the time of those ticks went. ``--circle`` flies the simulated vehicle on
+its own clock over 10 ms and 2 % loss with every controller and seed. It prints tracking error and the audit of the
+clock. ``--hidden`` hides effects in the vehicle and asks ``nanobench diagnose``. Figures of a busy machine are figures
+of that machine, so the load is printed, too.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def constant_voltage(model):
     return type(model)(model.vehicle, {"thrust_pwm": {"c": tuple(v * SAG_V**k for k, v in enumerate(c))}, **terms})
 
 
-HIDDEN = {  # what is flown, and what is believed, both made of the shipped model
+HIDDEN = {  # plant and simulator, both made of the shipped model
     "nothing": (lambda model: model, lambda model: model),
     "weak motor": (lambda model: model.with_term("motor_imbalance", g=(0.88, 1.04, 1.04, 1.04)), lambda model: model),
     "payload of 2 g": (lambda model: model.with_term("mass", m=model.vehicle.mass_kg + 0.002), lambda model: model),

@@ -4,14 +4,15 @@
     python benchmarks/studies/learned_causes.py inputs [--data DIR] [--epochs 60] [--json FILE]
 
 ``flights`` (Task 2): the released table has every flight on learned dynamics (task2_closed_loop_metrics_per_traj.csv
-of the "NanoBench" release). Those of its recordings that are here, known again by least and mean battery voltage, are
-flown by policies trained on (a) flights of the onboard PID, without the medium trefoil and without these recordings, as
-``nanobench control`` trains; (b) flights of all pilots, without these recordings; (c) all flights, these too: no longer
-held out, which says what having seen them would be worth. Each flies on dynamics learnt from the same flights.
+of the "NanoBench" release). Those of its recordings that are here, recognised by least and mean battery voltage, are
+flown by two policies. Policy (a) is trained on flights of the onboard PID, without the medium trefoil and without
+these recordings, as ``nanobench control`` trains; (b) flights of all pilots, without these recordings; (c) all
+flights, these too: no longer held out, which says what having seen them would be worth. Each flies on dynamics learnt
+from the same flights.
 
-``inputs`` (Task 1): the residual MLP with fewer training flights, and without position among what it sees; and a state
-that stands still on windows of whole recordings, ground included, which tells how hard the published windows are.
-Errors of position after 50 steps on the test flights.
+``inputs`` (Task 1): the residual MLP with fewer training flights, and without position among its inputs. Also a
+constant state on windows of whole recordings, ground included, which shows how hard the published windows are. Errors
+of position after 50 steps on the test flights.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 python benchmarks/studies/learned_velocity.py [--data DIR] [--write]
 
-Clean rows in flight, clock as recorded, motion capture as truth. Says for each type how far off its flights are by the
-weights that did not see it, and by the accelerometer alone; with --write the weights go into the package.
+Clean rows in flight, clock as recorded, motion capture as truth. Reports for each type the error of its flights by the
+weights that did not see it, and by the accelerometer alone. With --write the weights go into the package.
 """
 
 from __future__ import annotations
@@ -66,8 +66,8 @@ def main() -> None:
     for case in cases:
         known.setdefault(family_of(case.flight), []).append(samples(case))
     sets = {EVERY: fitted([one for family in known.values() for one in family])}
-    print("type, flights, RMS error of body velocity per axis [m/s] by weights that did not see the type, by the same "
-          "of the accelerometer alone, RMS velocity")
+    print("type, flights, RMS error of body velocity per axis [m/s] by weights that did not see the type. Then the "
+          "same of the accelerometer alone, RMS velocity")
     for name, mine in sorted(known.items()):
         others = [one for family, found in known.items() if family != name for one in found]
         sets[name] = fitted(others)

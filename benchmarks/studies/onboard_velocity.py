@@ -2,11 +2,11 @@
 
     python benchmarks/studies/onboard_velocity.py [--data DIR] [--limit N] [--json FILE]
 
-Real recordings, re-timed. Of every flight with a streamed path: slope of the estimated on the true horizontal velocity
-and correlation of what is left along the track, of the logged estimate and of the firmware's filter fed with the
-recorded IMU and poses. Told of poses as the firmware does by default and as Crazyswarm2 does, and both with every pose
-that was sent in a gap of the radio arriving at its end. Gaps are read from missing packets of the log alone
-(``signals.radio_gaps``); no number is fitted, but the cause was found by looking at these flights.
+Real recordings, re-timed. Of every flight with a streamed path: slope of the estimated on the true horizontal
+velocity, and correlation of the residual along the track. Both for the logged estimate and for the firmware's filter
+fed with the recorded IMU and poses. The SD of poses is that of the firmware's default and that of Crazyswarm2. Both
+also run with every pose that was sent in a gap of the radio arriving at its end. Gaps are read from missing packets of
+the log alone (``signals.radio_gaps``). No number is fitted, but the cause was found by looking at these flights.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def main() -> None:
         phase = streamed_phase(case.flight, [case.span])
         try:
             flight = retimed(case.flight)
-        except InputError:  # its clock cannot be told
+        except InputError:  # its clock is unknown
             continue
         if phase is None:
             continue

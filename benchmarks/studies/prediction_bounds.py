@@ -2,10 +2,15 @@
 
     python benchmarks/studies/prediction_bounds.py [--clock as-recorded|retimed] [--data DIR] [--json FILE]
 
-Rows: the fitted models of ``nanobench sysid``; the same with the gyro known over the horizon (attitude integrated from
-it, thrust and drag of the model), which is what is left when rotation is perfect; the model with only every second
-motor packet, which says what one halving of the radio rate costs; the gyro against itself smoothed over five rows, the
-noise floor of its own truth at h = 1. Without recordings, practice flights (SYNTHETIC).
+Rows:
+
+- the fitted models of ``nanobench sysid``;
+- the same with the gyro known over the horizon (attitude integrated from it, thrust and drag of the model): the
+  remaining error with perfect rotation;
+- the model with only every second motor packet: the cost of halving the radio rate;
+- the gyro against itself smoothed over five rows: the noise floor of its truth at h = 1.
+
+Without recordings, practice flights (SYNTHETIC).
 """
 
 from __future__ import annotations
@@ -28,7 +33,7 @@ from nanobench_tools.protocols.windows import cut_windows
 
 NAMES = ("fit_balanced", "fit_observed")
 SMOOTH = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0
-"""Savitzky-Golay, 5 rows, cubic: what is left is white noise times sqrt(1 - 17/35)."""
+"""Savitzky-Golay, 5 rows, cubic: the residual is white noise times sqrt(1 - 17/35)."""
 LEFT = np.sqrt(1.0 - 17.0 / 35.0)
 
 

@@ -3,11 +3,13 @@
     python benchmarks/studies/prediction_folds.py [--clock as-recorded|retimed] [--data DIR] [--json FILE]
 
 Rows: the two models of ``nanobench sysid`` that set something per window; ``fit_observed`` with motor lags as measured
-on rotor speeds (``nanobench motors``, brushed) as priors, from where the search then starts too; and ``fit_observed``
-with the constants that would have been best for each window (to first order, learnt from the window itself): a bound,
-what is left comes from moments that change within the half second. Then: does the reaction to rotors that speed up
-show in yaw? The slope of the yaw error of the model over the change of sum(spin Omega) since the start would be
--J_r / J_z > 0. Test flights are not looked at. Without recordings, practice flights (SYNTHETIC).
+on rotor speeds (``nanobench motors``, brushed) as priors and as start of the search.
+
+Also ``fit_observed`` with the constants that would have been best for each window (to first order, learned from the
+window itself). That is a bound; the remaining error comes from moments that change within the half second. Then: does
+the reaction to rotors that speed up show in yaw? The slope of the yaw error of the model over the change of sum(spin
+Omega) since the start would be -J_r / J_z > 0. Test flights are not looked at. Without recordings, practice flights
+(SYNTHETIC).
 """
 
 from __future__ import annotations

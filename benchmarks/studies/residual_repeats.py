@@ -2,10 +2,10 @@
 
     python benchmarks/studies/residual_repeats.py --data DIR --mass KG
 
-A simulator is identified from every other flight, as ``diagnose --simulated`` does. The force it leaves, 0.2 to 2.5 Hz,
-is compared between the two flights whose paths over time are most alike, one of them not fitted: their correlation,
-their size, and what is not common to both, which is chance. Where rotor speed was logged, the same for the
-accelerometer less k_f times its square, which knows no thrust map, no motion capture and no clock.
+A simulator is identified from every other flight, as ``diagnose --simulated`` does. Its residual force, 0.2 to 2.5 Hz,
+is compared between the two flights whose paths over time are most alike, one of them not fitted. Reports their
+correlation, their size, and the part that is not common to both, which is chance. Where rotor speed was logged, the
+same for the accelerometer less k_f times its square. This does not use thrust map, motion capture or clock.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
     python benchmarks/studies/swing_power.py --normal DIR --data DIR [--hertz 0.63]
 
-Flights of --data with a swing of growing size added to their sideways velocity (SYNTHETIC on real), against --normal;
-before it the size that a verdict would state, from the flights as they are, at this frequency and over the band.
+Flights of --data with a swing of growing size added to their sideways velocity (SYNTHETIC on real), against --normal.
+First the size that a verdict would state, from the flights as they are, at this frequency and over the band.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def main() -> None:
     flights = load_recordings([options.data]).flights
     stated = smallest_swing(swinging(flights, 0.0, options.hertz), usual, 0.035)
     if stated["minimum_detectable"] is None:
-        print(f"stated: cannot be asked for, {stated['why']}")
+        print(f"stated: cannot be computed for, {stated['why']}")
     else:
         near = min(stated["by_hz"], key=lambda row: abs(row[0] - options.hertz))
         print(f"stated: from {near[1]:.3f} m/s^2 on at {near[0]:.2f} Hz, from {stated['minimum_detectable']:.3f} on at "

@@ -38,8 +38,8 @@ def ready_s() -> float:
 
 
 class Stopwatch:
-    """Rows of ticks: from due to done, begun late, on a core, ready without one [s]; parts of it by name; page faults,
-    switches that it asked for and that it did not; seconds that the other threads were on a core meanwhile."""
+    """Rows of ticks: from due to done, begun late, on a core, ready without one [s], and parts of it by name. Also
+    page faults, voluntary and involuntary switches, and seconds that the other threads were on a core meanwhile."""
 
     def __init__(self, flight) -> None:
         self.rows: list[tuple[float, float, float, float]] = []

@@ -1,12 +1,12 @@
-"""How near any controller could stay to a path with corners, beside what one does: the battery decides, not the gains.
+"""The least possible error on a path with corners, and that of one controller: the battery limits it, not the gains.
 
     python benchmarks/studies/tracking_bounds.py [--plants 4] [--seconds 8] [--speed 1.0] [--controller mpc_daqp]
                                                 [--json FILE]
 
-Each plant of the ensemble (SYNTHETIC) is asked for all its motors give; that is its lift L. No vehicle accelerates
+Each plant of the ensemble (SYNTHETIC) runs all motors at full command; that is its lift L. No vehicle accelerates
 upward by more than L - g, downward by more than g, or sideways by more than sqrt(L^2 - g^2). A point that obeys these,
-knows the whole path, and needs no time to tip or to turn its motors up has the least RMSE there is (a quadratic program
-an axis): no controller can have less. Beside it the RMSE flown.
+knows the whole path, and needs no time to tip or to speed up its motors has the least possible RMSE. It is a quadratic
+program per axis, and no controller can have less. The flown RMSE is next to it.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ def lift_m_s2(crowd: Ensemble) -> np.ndarray:
 
 
 def least(goal: np.ndarray, speed: np.ndarray, first: int, low: float, high: float) -> np.ndarray:
-    """Errors (m - first,) of the best point along one axis: goal (m,) every EVERY ticks, begun on it with its speed,
-    what is before ``first`` not counted."""
+    """Errors (m - first,) of the best point along one axis: goal (m,) every EVERY ticks, begun on it with its speed.
+    Rows before ``first`` do not count."""
     dt, m = EVERY * TICK_S, len(goal)
     k = np.arange(m)
     reach = np.where(k[:, None] > k, (k[:, None] - k - 0.5) * dt * dt, 0.0)[:, :-1]

@@ -3,8 +3,8 @@
     python benchmarks/studies/trim_power.py [--each 200] [--normal 5] [--seed 1] [--json FILE]
 
 A vehicle differs from day to day by the spread that ``benchmarks/studies/trim_spread.py`` measures; a folder is three
-flights of one day. The sizes of what was done are drawn; what was done is physics written again here, not the causes'
-own.
+flights of one day. The sizes of the changes are drawn; the changes are physics written again here, not the code of the
+causes.
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
     python -m benchmarks.studies.vehicle_from_few_flights [DIR ...] [--mass KG] [--arm M] [--draws N]
 
-Each row is one choice of flights: N random draws of 3, of 5 and of 15, every family alone, and all. Columns: PWM
-that the fitted vehicle needs over the PWM that was logged, in hover windows of the flights it was fitted to and of all
-others; whether a plain controller holds it; inertia about x; drag along y; how many parameters are priors.
+Each row is one choice of flights: N random draws of 3, of 5 and of 15, every family alone, and all. Columns: PWM that
+the fitted vehicle needs over the logged PWM, in hover windows of the flights it was fitted to and of all others. Then
+whether a plain controller holds it, inertia about x, drag along y, and the number of parameters that are priors.
 """
 
 from __future__ import annotations

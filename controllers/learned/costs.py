@@ -40,8 +40,8 @@ class Costs:
 
 
 def inputs_of(model: Model, motor: np.ndarray, battery_V: np.ndarray) -> np.ndarray:
-    """Rows of inputs (T, I, n) of commands (T, 4, n) and battery (n). Of a model that delays them they act at once:
-    what was commanded before is not planned anew."""
+    """Rows of inputs (T, I, n) of commands (T, 4, n) and battery (n). In a model with command delay they act at once:
+    earlier commands are not planned again."""
     found = [motor, np.broadcast_to(battery_V, (len(motor), 1, motor.shape[2]))]
     if len(model.inputs) > 5:
         found += [motor, np.zeros((len(motor), 1, motor.shape[2]))]
@@ -50,8 +50,10 @@ def inputs_of(model: Model, motor: np.ndarray, battery_V: np.ndarray) -> np.ndar
 
 @functools.lru_cache(maxsize=8)
 def priced_step(model: Model, step_s: float) -> Compiled:
-    """f(states and cost (S + 1), u, goal (3), weights (4), p) -> the same ``step_s`` later, the cost with what the new
-    state costs: weights of |p - goal|^2, |v|^2, the tilt 1 - cos and |rate|^2."""
+    """f(states and cost (S + 1), u, goal (3), weights (4), p) -> the same ``step_s`` later, with the cost of the new
+    state added.
+
+    Weights are those of |p - goal|^2, |v|^2, the tilt 1 - cos and |rate|^2."""
     ca = import_casadi()
     step = symbolic.step(model, 1.0 / step_s)
     x, u, p = (ca.SX.sym(name, step.size1_in(i)) for i, name in enumerate(("x", "u", "p")))

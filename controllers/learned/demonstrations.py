@@ -1,8 +1,8 @@
 """What a cloned policy is shown: observations and motor commands of logged flights, whole flights held out.
 
 Observation of 14 (published): position m, estimated velocity m/s, estimated quaternion x y z w, position setpoint m,
-battery V; action: four PWM ratios. Published as "supervised on the logged onboard PID" are all flights, those flown
-by the Mellinger controller too, and the flight that the published row was flown against is one of them; here policies
+battery V; action: four PWM ratios. Published as "supervised on the logged onboard PID" are all flights, including
+those of the Mellinger controller. One of them is the flight that the published row was flown against. Here policies
 learn from PID flights alone.
 """
 

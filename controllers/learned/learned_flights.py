@@ -43,8 +43,8 @@ def pilot_of(name: str, networks: Mapping[str, Network], simulator: str,
 
 def fly_learned(name: str, networks: Mapping[str, Network], specs: Sequence[PathSpec], simulator: str, plants: int,
                 seed: int = 0, draws: Draws = None, gains: Mapping[str, float] | None = None) -> Runs:
-    """As ``simulated_flights.fly_controller``; the scores with ``kept_s``, how long a vehicle stayed within LOST_M of
-    where it should be, take-over included."""
+    """As ``simulated_flights.fly_controller``; the scores with ``kept_s``. That is how long a vehicle stayed within
+    LOST_M of the path, take-over included."""
     ensemble = draw(simulator, plants, seed, None if draws is None else (tuple(draws[0]), np.array(draws[1], float)))
     controller, paths = pilot_of(name, networks, simulator, gains), Paths(tuple(specs))
     found = flown(controller, paths, ensemble)
@@ -64,8 +64,8 @@ def kept_s(found: Flown, paths: Paths, path: int, plants: int) -> np.ndarray:
 
 
 class Corrected:
-    """A policy that flies while its teacher, the onboard PID, says at every tick what it would have commanded; a
-    share ``teacher_share`` of the vehicles is flown by the teacher himself (S. Ross et al., DAgger, 2011)."""
+    """A policy flies while its teacher, the onboard PID, records at every tick what it would have commanded. The
+    teacher himself flies a share ``teacher_share`` of the vehicles (S. Ross et al., DAgger, 2011)."""
 
     information = "as flown"
     on_board = True

@@ -19,8 +19,9 @@ from nanobench_tools.errors import UsageError
 @dataclass(frozen=True)
 class MppiSettings:
     """As published ("NanoBench"; cost and ``prior`` from its released code): 10 steps, 128 rollouts, temperature 0.1,
-    noise 0.02 on PWM ratios, cost position |p - setpoint|^2 + velocity |v|^2 + effort |u|^2 + prior |u -
-    u_cloned|^2.
+    noise 0.02 on PWM ratios.
+
+    The cost is position |p - setpoint|^2 + velocity |v|^2 + effort |u|^2 + prior |u - u_cloned|^2.
 
     ``price``: of the noise against the plan (Williams et al., eq. 19: commands are taken to be about 0). With noise of
     0.02 about a hovering command of 0.8 it outweighs every other cost and pulls the plan to 0 within seconds. The

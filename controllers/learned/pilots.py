@@ -1,7 +1,7 @@
 """Learned controllers behind the Controller Protocol: they fly the plant, an ensemble, or a simulator.
 
-Networks run in JAX; rollouts of identified physics are compiled by ``physics``: the same equations in JAX took a
-hundred times longer on a processor.
+Networks run in JAX; ``physics`` compiles rollouts of identified physics. The same equations in JAX took a hundred
+times longer on a processor.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def sane(command: np.ndarray) -> np.ndarray:
 
 class Mppi:
     """MPPI on the identified model. Without a rate in its cost and 0.1 s of foresight, as published, it cannot hold a
-    quadrotor upright; what it needs beside that are settings.
+    quadrotor upright. The further weights it needs are settings.
 
     The state is that of the vehicle; rotors, which nobody measures, follow from its own commands.
     """

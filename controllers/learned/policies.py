@@ -1,9 +1,12 @@
 """Cloned policies and learned dynamics: networks, what they are trained to do, and how they are kept.
 
-Published ("NanoBench", arXiv 2603.09908, and its released code): a policy of two layers of 32 with tanh; an LSTM over
-the last 20 observations with a head of 64 that ends in a sigmoid (two layers of 128; here one of 64: a tenth of the
-work on a processor); dynamics of three layers of 256 with ReLU that say the change of the scaled observation, trained
-with noise on the commands.
+Published ("NanoBench", arXiv 2603.09908, and its released code):
+
+- a policy of two layers of 32 with tanh;
+- an LSTM over the last 20 observations with a head of 64 that ends in a sigmoid (two layers of 128; here one of 64: a
+  tenth of the work on a processor);
+- dynamics of three layers of 256 with ReLU that give the change of the scaled observation, trained with noise on the
+  commands.
 """
 
 from __future__ import annotations
@@ -108,7 +111,7 @@ def restored(network: Network) -> Any:
 
 def task_of(kind: str, shown: Shown, seed: int, mean: np.ndarray, spread: np.ndarray,
             extra: Sequence[Demonstration] = ()) -> Task:
-    """What ``kind`` learns from ``shown``, and ``extra`` flights beside those that train."""
+    """Training data of ``kind`` from ``shown``, with the ``extra`` flights added."""
     with_jax = libraries()
     jax, jnp = with_jax.jax, with_jax.jnp
     flights = [*shown.train, *extra, *shown.valid]

@@ -2,8 +2,8 @@
 
 The dynamics say the next position, velocity and attitude from the last observation and the command; setpoint and
 battery are those of the log. Position and velocity are kept within 5 m and 5 m/s, attitude to unit length. A flight
-that is more than LOST_M from the logged one ends there. Scores are over the rows before that, against the position
-that was logged - not against the setpoint, as those of real flights are - and a row counts as diverged beyond 0.5 m.
+that is more than LOST_M from the logged one ends there. Scores are over the rows before that, against the logged
+position, not against the setpoint as those of real flights are. A row counts as diverged beyond 0.5 m.
 """
 
 from __future__ import annotations
@@ -28,8 +28,9 @@ BOUND = 5.0
 
 def rolled(pilot: str, networks: dict[str, Network], flights: Sequence[Demonstration],
            settings: MppiSettings | None = None) -> list[np.ndarray]:
-    """Observations (m, 14) of every flight's longest stretch, flown by ``pilot`` (``bc_mlp``, ``bc_lstm``, ``mppi``) on
-    the learned dynamics, until it was lost."""
+    """Observations (m, 14) of every flight's longest stretch on the learned dynamics, until it was lost.
+
+    The policy ``pilot`` (``bc_mlp``, ``bc_lstm``, ``mppi``) flies it."""
     longest = max(len(d.observed[d.longest]) for d in flights)
     run = _runner(pilot, networks, settings or MppiSettings())
     found = []
@@ -44,8 +45,9 @@ def rolled(pilot: str, networks: dict[str, Network], flights: Sequence[Demonstra
 
 
 def dynamics_step(known: Network) -> tuple[Any, Any]:
-    """(scaled(observed), after(observed (n, 14), action (n, 4), log (14,)) -> (n, 14) raw one row later), where
-    ``log`` is the logged observation of then."""
+    """(scaled(observed), after(observed (n, 14), action (n, 4), log (14,)) -> (n, 14) raw one row later).
+
+    ``log`` is the logged observation of that row."""
     jnp = libraries().jnp
     dynamics, mean, spread = restored(known), jnp.asarray(known.mean), jnp.asarray(known.spread)
 
@@ -126,8 +128,8 @@ def _runner(pilot: str, networks: dict[str, Network], settings: MppiSettings) ->
 
 
 def score(states: np.ndarray, flight: Demonstration) -> dict[str, float]:
-    """Published metrics of one flight, and the same error against the setpoint (``setpoint_rmse_m``), which is what the
-    rows of real flights hold; ``valid_percent``: of its rows that were flown before it was lost."""
+    """Published metrics of one flight, and the same error against the setpoint (``setpoint_rmse_m``). The latter is
+    the error in the rows of real flights; ``valid_percent``: of its rows that were flown before it was lost."""
     log = flight.observed[flight.longest]
     flown, wanted = states.astype(float), log[:len(states)].astype(float)
     errors = np.linalg.norm(flown[:, :3] - wanted[:, :3], axis=1)

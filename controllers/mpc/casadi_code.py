@@ -1,7 +1,7 @@
 """CasADi functions called without copies, as C where a C compiler is at hand.
 
-The shared object is kept under the hash of its source and of the compiler's options; without a compiler CasADi's own
-machine evaluates the same function, a few times slower.
+The shared object is cached under the hash of its source and of the compiler's options. Without a compiler, CasADi's
+own machine evaluates the same function, a few times slower.
 """
 
 from __future__ import annotations

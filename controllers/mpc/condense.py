@@ -1,8 +1,10 @@
 """From linearised stages to a dense quadratic program in the inputs alone (condensing).
 
 Errors e_k of the states against the target obey e_k = r_k + dx_k, dx_{k+1} = A_k dx_k + B_k du_k + c_k. The cost is
-1/2 sum e_k' Q e_k (k = 1..N-1) + 1/2 e_N' P e_N + 1/2 sum |u_k + du_k - target|^2_R; the result is 1/2 z' H z + g' z in
-z = du / UNIT_N (Jerez, Kerrigan, Constantinides 2012, doi:10.1016/j.automatica.2012.03.010, eliminated form).
+1/2 sum e_k' Q e_k (k = 1..N-1) + 1/2 e_N' P e_N + 1/2 sum |u_k + du_k - target|^2_R.
+
+The result is 1/2 z' H z + g' z in z = du / UNIT_N (Jerez, Kerrigan, Constantinides 2012,
+doi:10.1016/j.automatica.2012.03.010, eliminated form).
 """
 
 from __future__ import annotations
@@ -102,8 +104,8 @@ def condensed(a: np.ndarray, b: np.ndarray, c: np.ndarray, start: np.ndarray, re
 
 @nb.njit(cache=True)
 def headed(p: np.ndarray, yaw: float, out: np.ndarray) -> None:
-    """p (S, S), the terminal weight of a vehicle that looks along x, for one that looks along ``yaw``, into out:
-    position and velocity are of the world, everything else of the body."""
+    """Turns p (S, S), the terminal weight of a vehicle that looks along x, into that of one that looks along ``yaw``.
+    Position and velocity are in the world, everything else in the body."""
     c, s = np.cos(yaw), np.sin(yaw)
     out[:] = p
     for first in (0, 3):

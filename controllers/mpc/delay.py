@@ -1,4 +1,4 @@
-"""Commands under way: what was asked and has not reached the motors yet."""
+"""Commands under way: those that have not reached the motors yet."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """Disturbance observer: the force and moment that the model does not explain.
 
-A Luenberger observer of the state and of a steady force and moment (both per mass and inertia), the source of
-offset-free predictive control (Pannocchia, Rawlings 2003, doi:10.1002/aic.690490213). Measurements have different ages:
-each is compared with the prediction for its own time. A correction is also applied to past states, so that no error is
-counted twice.
+A Luenberger observer of the state and of a steady force and moment (both per mass and inertia). It is the source of
+offset-free predictive control (Pannocchia, Rawlings 2003, doi:10.1002/aic.690490213). Measurements have different
+ages: each is compared with the prediction for its own time. A correction is also applied to past states, so that no
+error is counted twice.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Tuning:
     positions alone (three equal poles; 0: not at all). ``force_1_s``, ``moment_1_s``: speed at which velocities correct
     the force and rates the moment. ``most``: bounds of both [m/s^2, rad/s^2].
 
-    Velocities are ignored by default: the firmware's filter overestimates them by 7 % under aerodynamic forces, and
+    Velocities are ignored by default. The firmware's filter overestimates them by 7 % under aerodynamic forces, and
     underestimates them by up to 13 % over a radio with gaps (docs/control.md).
     """
 
@@ -146,8 +146,8 @@ class Observer:
         self._past[self._head] = self.state
 
     def predicted(self, seconds: np.ndarray, commands: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
-        """(n, 17) after commanded thrusts (k, n, 4), each for its duration (k,) s, from now or from ``start`` (n, 17).
-        nan stays nan."""
+        """(n, 17) after commanded thrusts (k, n, 4), each for its duration (k,) s. Starts from now or from ``start``
+        (n, 17); nan stays nan."""
         found = (self.state if start is None else start).copy()
         count = len(seconds)
         if count not in self._flights:

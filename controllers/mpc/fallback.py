@@ -21,8 +21,8 @@ GEOMETRIC_S = 2.0
 SINK_M_S, LANDED_M = 0.4, 0.05
 LEAST_V = number("control.fallback.least_v")
 EMPTY_S = number("control.fallback.empty_s")
-"""A battery below this voltage for so long, the motors loading it, is a reason to land: hover takes 2.84 to 2.90 V at
-the motors of the recorded vehicle."""
+"""A battery below this voltage for so long, under the load of the motors, is a reason to land. Hover takes 2.84 to
+2.90 V at the motors of the recorded vehicle."""
 
 
 class Fallback:

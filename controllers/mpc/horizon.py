@@ -67,8 +67,8 @@ class Horizon:
                  ahead.yaw_rate_rad_s)
         for whole, part in zip(self._parts, found, strict=True):
             if part is not None and np.ndim(part) != whole.ndim:
-                raise ValueError(f"Reference.ahead gave {np.shape(part)} where {whole.shape} was asked for: a present "
-                                 "is no future")
+                raise ValueError(f"Reference.ahead gave {np.shape(part)} where {whole.shape} was requested; give the "
+                                 "future of the reference, not its present")
             whole[...] = 0.0 if part is None else part
         return self._out
 
@@ -96,7 +96,7 @@ def _unsound(rows: np.ndarray, good: np.ndarray) -> int:
         good[i] = True
         for k in range(rows.shape[1]):
             for value in rows[i, k]:
-                good[i] &= abs(value) < LARGEST  # what is no number is not less either
+                good[i] &= abs(value) < LARGEST  # nan is not less either
         bad += not good[i]
     return bad
 
@@ -146,14 +146,14 @@ def flyable(rows: np.ndarray, seconds: np.ndarray, x: np.ndarray, gains: np.ndar
 @nb.njit(cache=True)
 def within_reach(rows: np.ndarray, x: np.ndarray, position_1_s2: np.ndarray, velocity_1_s: np.ndarray,
                  level_m_s2: np.ndarray, up_m_s2: np.ndarray, pushed_m_s2: np.ndarray, near_m: float) -> None:
-    """Limit rows (n, k, WIDTH) to a horizontal acceleration of level_m_s2 (n,) and an upward one of up_m_s2 (n,), on
-    top of the disturbance pushed_m_s2 (n, >= 3).
+    """Limit rows (n, k, WIDTH) to a horizontal acceleration of level_m_s2 (n,) and an upward one of up_m_s2 (n,). Both
+    are in addition to the disturbance pushed_m_s2 (n, >= 3).
 
-    Accelerations along the path are cut. All points of a vehicle are moved so that its lag x (n, 17) behind the first,
-    answered by ``Gains``, needs no more than that. Height is given up first: motors must stay free to turn the vehicle,
-    and a vehicle with little spare lift loses height when it tips after a reference that has jumped. Within near_m
-    nothing is moved, since the program knows its bounds and looks further ahead than these gains; the limit fades in up
-    to twice that distance. A vehicle that cannot carry its weight gets a sinking target wherever it is.
+    Accelerations along the path are cut. All points of a vehicle are moved so that ``Gains`` needs no more than that
+    for its lag x (n, 17) behind the first. Height is given up first, because motors must stay free to turn the
+    vehicle. A vehicle with little spare lift loses height when it tips after a reference that has jumped. Within
+    near_m all points stay, since the program knows its bounds and looks further ahead than these gains. The limit
+    fades in up to twice that distance. A vehicle that cannot carry its weight gets a sinking target wherever it is.
     """
     for i in range(rows.shape[0]):
         for k in range(rows.shape[1]):

@@ -1,7 +1,7 @@
 """Linear time-varying predictive control: the equations linearised along the targets of the reference.
 
-``mpc_daqp`` condenses the program to the inputs and solves it by an active-set method (``solver="osqp"``: the same
-program by operator splitting); ``mpc_osqp`` leaves the states in and solves the sparse program.
+``mpc_daqp`` condenses the program to the inputs and solves it by an active-set method. With ``solver="osqp"`` it
+solves the same program by operator splitting; ``mpc_osqp`` leaves the states in and solves the sparse program.
 """
 
 from __future__ import annotations
@@ -93,8 +93,8 @@ class MpcDaqp(Linearised):
         return None if z is None else about + UNIT_N * z.reshape(-1, 4)
 
     def program(self, i: int, targets: np.ndarray, stages: int) -> np.ndarray | None:
-        """z (4 N) of the condensed program of vehicle i within bounds, tipped no further than ``tilt_rad`` over the
-        first ``stages``."""
+        """Solution z (4 N) of the condensed program of vehicle i within bounds. The tilt stays below ``tilt_rad`` over
+        the first ``stages``."""
         low, high = self._bounds
         z = self._solver(self.h, self.g, low, high, start=self._multipliers[i])
         given = self._solver.multipliers

@@ -1,7 +1,7 @@
 """Nonlinear predictive control by sequential quadratic programming, one step a command (real-time iteration).
 
-The last plan, one period later, is flown by the model from where the vehicle will be; the equations are linearised
-along that flight (Gauss-Newton), the condensed program gives its change. Diehl, Bock, Schloeder 2005,
+The model flies the last plan, one period later, from where the vehicle will be. The equations are linearised along
+that flight (Gauss-Newton), and the condensed program gives its change. Diehl, Bock, Schloeder 2005,
 doi:10.1137/S0363012902400713; started from the prediction, the iteration's stages have no defects.
 """
 

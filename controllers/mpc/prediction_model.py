@@ -3,7 +3,7 @@
 State x (17): position m, velocity m/s (world), quaternion x, y, z, w, body rate rad/s, thrust of each rotor N.
 Input u (4): thrust commanded of each motor N, after the thrust map. Disturbance d (6): acceleration m/s^2 (world) and
 angular acceleration rad/s^2 (body) that the terms do not explain. Errors of a state (16): differences, but 2 vec(q0^-1
-q) for the attitude, which is the rotation vector to third order; the first 12 are the rigid body's.
+q) for the attitude, which is the rotation vector to third order. The first 12 are the rigid body's.
 """
 
 from __future__ import annotations
@@ -142,8 +142,8 @@ def rollout_function(model: Model, steps: int) -> Any:
 def stages_function(model: Model, horizon: int, dt_s: float, states: int = ERRORS) -> Any:
     """stages(X (17, N), U (4, N), Xnext (17, N), d) -> defects (S, N), A' (S, S N), B (S, 4 N).
 
-    defect = step(X, U) against Xnext; with errors dx of X and changes du of U the error against Xnext is defect + A dx
-    + B du. ``states`` S: 16, or 12 without rotor states, whose thrust then acts at once.
+    defect = step(X, U) against Xnext. With errors dx of X and changes du of U, the error against Xnext is defect + A
+    dx + B du. ``states`` S: 16, or 12 without rotor states, whose thrust then acts at once.
     """
     ca = import_casadi()
     given, parts = _stage(model, dt_s, states)
@@ -179,8 +179,8 @@ def targets_function(model: Model, count: int) -> Any:
     """targets(R (14, K), d) -> states (17, K) and inputs (4, K) that fly a reference under a steady disturbance.
 
     A column of R: position, velocity, acceleration, jerk (3 each), yaw rad, yaw rate rad/s. Differential flatness: the
-    thrust points along what is left of acceleration, gravity, drag and disturbance, the jerk turns it; thrusts balance
-    the moments that act then (the angular acceleration of the reference is left out).
+    thrust points along the sum of acceleration, gravity, drag and disturbance, and the jerk turns it. Thrusts balance
+    the moments that act then (the angular acceleration of the reference is omitted).
     """
     ca = import_casadi()
     made = Equations4(model)

@@ -1,7 +1,8 @@
 """Predictive control of n vehicles: the part that all variants share, from the measurement to the command.
 
-Guard -> observer (state and disturbance now) -> through the commands under way to the time at which a new one acts ->
-targets from the reference's future -> a plan (the variants differ in this alone) -> PWM within the battery's limits.
+Steps: guard -> observer (present state and disturbance) -> prediction through the commands under way to the time at
+which a new one acts -> targets from the reference's future -> plan -> PWM within the battery's limits. The variants
+differ in the plan alone.
 """
 
 from __future__ import annotations
@@ -101,9 +102,9 @@ def _judged(place: np.ndarray, speed: np.ndarray, attitude: np.ndarray, rate: np
             way_m: np.ndarray, measured: np.ndarray, fresh: np.ndarray, begin: np.ndarray) -> tuple[int, int]:
     """Compare measurements of n vehicles, passed_s after the last, with states (n, 17).
 
-    Fills ``measured`` (n, 13), ``fresh`` (n,): the pose is new, and ``begin`` (n,): vehicles that restart from it, all
-    of ``late`` if possible. ``pose`` (n, 7), ``same_s`` and ``way_m`` (n,) keep the last pose and the time and way
-    since. Counts both.
+    Fills ``measured`` (n, 13), ``fresh`` (n,): the pose is new, and ``begin`` (n,). The vehicles in ``begin`` restart
+    from it, all of ``late`` if possible. ``pose`` (n, 7), ``same_s`` and ``way_m`` (n,) keep the last pose and the
+    time and way since. Counts both.
     """
     stale = started = 0
     for n in range(place.shape[0]):
@@ -131,9 +132,9 @@ class Mpc:
 
     ``delay_s``: time from the return of ``command`` until its result acts (the model's command_delay by default).
     ``tilt_rad``: limit of tilt in plans (``tilt_bounds``). Targets tilt less, and less still on a battery that could
-    not carry the vehicle then. ``near_m``: smaller errors are left to the program (``horizon.within_reach``), unless
-    other loops lie between a plan and the motors. ``guard``, ``fallback`` and ``counts`` report replacements. ``plan``:
-    the last plans.
+    not carry the vehicle then. ``near_m``: smaller errors are left to the program (``horizon.within_reach``). This
+    does not apply if other loops are between a plan and the motors. ``guard``, ``fallback`` and ``counts`` report
+    replacements. ``plan``: the last plans.
     """
 
     name = "mpc"

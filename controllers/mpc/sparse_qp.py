@@ -1,7 +1,7 @@
 """The sparse quadratic program of predictive control, states left in, by OSQP: factorised anew at every call.
 
-Unknowns: errors of the states 1..N and changes of the inputs 0..N-1, each counted in what costs as much as the others,
-and by how much each stage may be tipped too far (``tilt_bounds``).
+Unknowns: errors of the states 1..N and changes of the inputs 0..N-1, each in units of equal cost. Also by how much
+each stage may exceed the tilt limit (``tilt_bounds``).
 """
 
 from __future__ import annotations

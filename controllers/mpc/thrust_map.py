@@ -42,7 +42,7 @@ def _ratios(table: np.ndarray, volts: np.ndarray, thrust: np.ndarray, out: np.nd
     for n in range(out.shape[0]):
         low, share = _place(volts[n])
         for motor in range(4):
-            k, above = 0, last  # the last ratio whose thrust is not more than what is asked
+            k, above = 0, last  # the last ratio whose thrust is not more than the command
             while above - k > 1:
                 middle = (k + above) // 2
                 if _thrust(table, low, share, motor, middle) <= thrust[n, motor]:
@@ -56,8 +56,8 @@ def _ratios(table: np.ndarray, volts: np.ndarray, thrust: np.ndarray, out: np.nd
 
 
 class ThrustMap:
-    """Of a model whose input is PWM: its thrust map, limits and gains, evaluated by the terms themselves on a grid of
-    RATIOS by VOLTAGES and linear between. Raises InputError for a model driven by rotor speed."""
+    """Of a model whose input is PWM: its thrust map, limits and gains. The terms themselves evaluate it on a grid of
+    RATIOS by VOLTAGES; it is linear between. Raises InputError for a model driven by rotor speed."""
 
     def __init__(self, model: Model) -> None:
         if model.vehicle.input != "pwm":

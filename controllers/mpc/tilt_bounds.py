@@ -1,9 +1,9 @@
 """Bounds on where the thrust of a plan points: half-planes, added to a program where its answer tips too far.
 
 The level part of the body's z axis of every stage is to stay within a circle of radius sin(most). A stage of an answer
-that leaves it gets the tangent half-plane at the side on which it left (an outer approximation, Kelley 1960,
-doi:10.1137/0108053), linear in the error of the attitude; the program is solved again with it, at most ROUNDS times.
-The half-planes are soft: a vehicle that is tipped too far already has no answer within them.
+outside the circle gets the tangent half-plane at the side on which it left. This is an outer approximation (Kelley
+1960, doi:10.1137/0108053), linear in the error of the attitude. The program is solved again with it, at most ROUNDS
+times. The half-planes are soft: a vehicle that is tipped too far already has no answer within them.
 """
 
 from __future__ import annotations
@@ -15,18 +15,20 @@ ROUNDS = 3
 SLACK = 2e-3
 """Of the sine: what may be left over."""
 FARTHEST = 0.7
-"""Sine of half the angle: what is linear in turns says nothing of larger ones."""
+"""Sine of half the angle: a model linear in turns is not valid for larger ones."""
 MOST_RAD = 0.75
-"""Beside errors, targets ask for ``horizon.MOST_TILT_RAD`` at most."""
+"""In addition to errors, targets tilt by ``horizon.MOST_TILT_RAD`` at most."""
 MARGIN_RAD = 0.15
 """What corrections may take beyond the tilt that targets ask for."""
 
 
 @nb.njit(cache=True)
 def halfplanes(targets: np.ndarray, turns: np.ndarray, radius: float, normal: np.ndarray, bound: np.ndarray) -> int:
-    """targets (N + 1, 17), turns (N, 3) errors of the attitude against targets 1.., radius the sine of the most tilt ->
-    normal (N, 3) and bound (N) of normal . turn <= bound at stages that left the circle; how many
-    did. What is there of other stages stays."""
+    """Half-planes at stages that left the circle: normal (N, 3) and bound (N) of normal . turn <= bound; and their
+    number.
+
+    Inputs: targets (N + 1, 17), turns (N, 3) errors of the attitude against targets 1.., radius the sine of the most
+    tilt. Values of other stages stay."""
     count = 0
     for k in range(turns.shape[0]):
         x, y, z = 0.5 * turns[k, 0], 0.5 * turns[k, 1], 0.5 * turns[k, 2]

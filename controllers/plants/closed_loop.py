@@ -48,11 +48,11 @@ class Flown:
 
 def fly(plant: Plant, senses: Senses, controller: Controller, reference: Callable[[int], Reference], ticks: int, *,
         push: Callable[[float], np.ndarray] | None = None, begun: bool = False) -> Flown:
-    """``ticks`` of 10 ms; ``reference(tick)`` is what the controller is told then, ``push(time_s)`` (3, n) N the
-    force of the air from outside. ``begun``: the controller goes on from where it is and is not reset.
+    """``ticks`` of 10 ms; ``reference(tick)`` is the controller's input then, ``push(time_s)`` (3, n) N the external
+    force of the air. ``begun``: the controller goes on from where it is and is not reset.
 
-    Raises UsageError for a period that is no multiple of 2 ms, a controller that raises or a wrong shape, InputError
-    for a command that is no number or outside 0..1.
+    Raises UsageError for a period that is no multiple of 2 ms, a controller that raises or a wrong shape. Raises
+    InputError for a command that is no number or outside 0..1.
     """
     n = len(plant)
     every = round(controller.period_s / STEP_S)

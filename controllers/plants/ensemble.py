@@ -125,7 +125,7 @@ def draw(simulator: str, n: int, seed: int = 0, draws: tuple[tuple[str, ...], np
          radio_s: float = 0.0) -> Ensemble:
     """The median plant and n - 1 others about a simulator.toml (its text), behind a radio of ``radio_s``.
 
-    draws: (names, values (k, P)) of an identification of this simulator; without them parameters scatter as those of
+    draws: (names, values (k, P)) of an identification of this simulator. Without them, parameters scatter as those of
     the shipped one do (relative to their mean, by name).
     """
     model = closed_loop_model(loads(simulator))

@@ -1,8 +1,8 @@
 """Flies recordings again on the plant, with the firmware's controller that flew them; ``protocols.gate`` judges.
 
-Given are the logged setpoints, the battery, when the radio was silent (gaps between the log's packets, in which no pose
-arrives) and, at the first instant, state, rotor commands and what the controller's integrals had gathered on the ground
-(its own code fed with the log until then). PID flights fly the build of the
+Inputs are the logged setpoints, the battery, and the times of radio silence (gaps between the log's packets, in which
+no pose arrives). At the first instant they also include state, rotor commands and the integrals that the controller
+had gathered on the ground (its own code fed with the log until then). PID flights fly the build of the
 firmware their own log shows. Nothing else of the recording is used.
 """
 

@@ -23,9 +23,9 @@ from .plant import Plant
 from .senses import TICK_S, Noise, Sensing
 
 POSE_SD_M, POSE_SD_RAD = 0.001, 0.05
-"""What the filter is told of a pose: as Crazyswarm2 sets it (crazyflies.yaml: locSrv.extPosStdDev, extQuatStdDev). Run
-again on the recordings the filter has the logged velocity with these, and not with the firmware's 0.01 m and 4.5 mrad
-(``benchmarks/studies/onboard_velocity.py``)."""
+"""SD of a pose in the filter, as Crazyswarm2 sets it (crazyflies.yaml: locSrv.extPosStdDev, extQuatStdDev). Run again
+on the recordings, the filter has the logged velocity with these values. With the firmware's 0.01 m and 4.5 mrad it
+does not (``benchmarks/studies/onboard_velocity.py``)."""
 LEAD_S = number("control.kalman_senses.lead_s")
 QUEUE = 64
 """Poses that can wait for the radio; later ones are lost."""
@@ -57,9 +57,9 @@ def _run_filters(sources: str) -> Callable[..., None]:
 @nb.njit(cache=True, nogil=True)
 def _feel(state: np.ndarray, before: np.ndarray, motor: np.ndarray, step_s: float, gravity: float, noise: np.ndarray,
           sigma: np.ndarray, acc_g: np.ndarray, gyro_deg_s: np.ndarray, rate: np.ndarray) -> None:
-    """An IMU's sample of states (17, n): the mean specific force since the velocities before (3, n) in g, the rate in
-    deg/s and, into rate (n, 3), in rad/s. noise (n, 6) unit normal, sigma (4,): accelerometer at rest, with turning
-    motors; gyro at rest, with turning motors."""
+    """An IMU's sample of states (17, n): the mean specific force since the velocities before (3, n) in g, and the rate
+    in deg/s. It also writes the rate in rad/s into rate (n, 3). noise (n, 6) unit normal, sigma (4,): accelerometer at
+    rest, with turning motors; gyro at rest, with turning motors."""
     for i in range(state.shape[1]):
         x, y, z, w = state[6, i], state[7, i], state[8, i], state[9, i]
         fx = (state[3, i] - before[0, i]) / step_s
@@ -79,7 +79,7 @@ def _feel(state: np.ndarray, before: np.ndarray, motor: np.ndarray, step_s: floa
 
 class Onboard:
     """n filters, begun where the vehicles are. Poses every 1 / pose_hz s arrive LEAD_S later than the estimated
-    position is to be (``Sensing.delay_s``), outages have none; while the radio is ``Sensing.shut`` they wait, and come
+    position is to be (``Sensing.delay_s``), except in outages. While the radio is ``Sensing.shut`` they wait, and come
     all at once. The accelerometer shows the mean of a step. ``belief`` (n, 13): what the filters begin with, else the
     truth. Errors are the filter's own; ``Sensing.error`` is not used.
     """

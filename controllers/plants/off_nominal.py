@@ -1,4 +1,4 @@
-"""Plants that are not what a controller was told, one thing at a time: what it withstands.
+"""Plants that differ from a controller's assumptions in one thing at a time: tests of robustness.
 
 Everything else is that of the median plant. A controller that is not on board sends its commands by a radio that it
 believes to be BELIEVED_RADIO_S late.
@@ -54,7 +54,7 @@ CASES: dict[str, Callable[[Ensemble, int], None]] = {
     "poses -20 ms": _added("delay_s", -LATE_S),
     "battery 3.3 V": _low,
 }
-"""What is changed of plant i."""
+"""Changes of plant i."""
 
 
 def mismatched(simulator: str, seed: int = 0, radio_s: float = BELIEVED_RADIO_S) -> Ensemble:

@@ -1,8 +1,8 @@
 """The plant of Task 2: n vehicles of an identified model behind their batteries, stepped together in compiled code.
 
-The equations are those of ``nanobench_tools.physics`` (terms of simulator.toml), one lane of a vector each; here they
-get what closes a loop: commands on their way for the model's delay, a battery that sags, legs on the ground, forces of
-the air. What the vehicle believes of its state is in ``senses``, a flight in ``closed_loop``.
+The equations are those of ``nanobench_tools.physics`` (terms of simulator.toml), one lane of a vector each. This file
+adds what closes a loop: commands on their way for the model's delay, a battery that sags, legs on the ground, forces
+of the air. What the vehicle believes of its state is in ``senses``, a flight in ``closed_loop``.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def closed_loop_model(model: Model) -> Model:
 
 class Plant:
     """n vehicles in the air. ``start`` (n, 13) position, velocity, quaternion, rate; ``motor`` (n, 4) PWM ratios flown
-    until now, which the rotors have settled to (or ``past`` (n, P, 4), at 100 Hz, newest last).
+    until now, to which the rotors have settled. Or ``past`` (n, P, 4), at 100 Hz, newest last.
 
     ``parameters`` (n, P) of ``model``'s flat vector, by default the model's own for all; ``ground_z`` (n,): where the
     tracked point rests on the ground. ``force_N`` (3, n) pushes from outside and may be set between steps. Raises

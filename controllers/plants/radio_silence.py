@@ -1,6 +1,6 @@
-"""A radio that takes nothing for some moments: what is on its way then waits, and the vehicle goes on with the last.
+"""A radio that is silent at times: its packets then wait, and the vehicle goes on with the last ones.
 
-Recordings of the data set are silent for 0 to 11 % of the time, in gaps of 20 to 110 ms (``signals.radio_gaps``).
+Recordings of the data set are silent for 0 to 11 % of the time. The gaps last 20 to 110 ms (``signals.radio_gaps``).
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ LONGER_S = number("control.radio_silence.longer_s")
 
 
 def silence(rngs: Sequence[np.random.Generator], ticks: int, share: float) -> np.ndarray:
-    """(ticks, n) bool: in which ticks of 10 ms the radio of each vehicle is silent, ``share`` of the time on average
-    (0 to below 1)."""
+    """(ticks, n) bool: whether the radio of each vehicle is silent in a tick of 10 ms. It is so for ``share`` of the
+    time on average (0 to below 1)."""
     if not 0.0 <= share < 1.0:
         raise ValueError(f"a radio that is silent for {share} of the time")
     found = np.zeros((ticks, len(rngs)), bool)
@@ -60,7 +60,7 @@ class Waiting:
 
 
 def heard(sent: Callable[[int], Reference], silent: np.ndarray) -> Callable[[int], Reference]:
-    """What vehicles are told at a tick, each the last that its radio took; the future of a reference is known on
+    """Inputs of the vehicles at a tick, each the last that its radio took; the future of a reference is known on
     board."""
     last: list[Reference] = []
 

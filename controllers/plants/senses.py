@@ -27,11 +27,14 @@ SUBSTEPS = round(TICK_S / STEP_S)
 
 @dataclass(frozen=True)
 class Sensing:
-    """delay_s: from the truth to the estimated position, the pose's way included (recordings: 20 ms); attitude and
-    velocity are as much sooner as in the recordings. error: size of the slow errors over the recordings'. noise: of
-    gyro and accelerometer over the recordings'. outages: (start_s, end_s) without poses. pose_hz and pose_noise_m:
-    what the firmware's filter is given (``Late`` has both in its errors). shut (ticks, n) bool: the radio takes nothing
-    in this tick of 10 ms, poses wait (the firmware's filter only)."""
+    """Properties of the sensing of a plant.
+
+    - delay_s: from the truth to the estimated position, the pose's way included (recordings: 20 ms); attitude and
+      velocity are as much sooner as in the recordings.
+    - error: size of the slow errors over the recordings'; noise: of gyro and accelerometer over the recordings'.
+    - outages: (start_s, end_s) without poses.
+    - pose_hz and pose_noise_m: inputs of the firmware's filter (``Late`` has both in its errors).
+    - shut (ticks, n) bool: the radio is silent in this tick of 10 ms, and poses wait (the firmware's filter only)."""
 
     delay_s: np.ndarray | float = POSITION_LAG_S
     error: np.ndarray | float = 1.0

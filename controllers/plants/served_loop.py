@@ -46,10 +46,12 @@ WORLD = np.dtype([
     ("before_m_s", "f8", 3), ("push_N", "f8", 3), ("steady_N", "f8", 3), ("air_m_s2", "f8", 3),
     ("air_sd_m_s2", "f8"), ("sigma", "f8", 4), ("acc_bias", "f8", 3), ("motor", "f8", 4), ("floor_ratio", "f8"),
     ("floor_V", "f8")], align=True)
-"""Around the model: where its machine code and the force among its parameters are, the delay of commands (depth of
-the ring and whole steps; 0: none), what it weighs, the ground, the cell, the unrest of the air (specific force), the
-IMU's noise in front of its low passes, PWM ratios now, and the ratio and voltage below which the thrust map, a
-polynomial, would be negative: a motor gives nothing there."""
+"""Data around the model:
+
+- addresses of its machine code and of the force among its parameters;
+- the delay of commands (depth of the ring and whole steps; 0: none), the weight, the ground, the cell;
+- the unrest of the air (specific force), the IMU's noise in front of its low passes, present PWM ratios;
+- the ratio and voltage below which the thrust map, a polynomial, would be negative: a motor has no thrust there."""
 
 
 @intrinsic
@@ -115,7 +117,8 @@ def _supply(w: Record, s: Record, noise: float) -> None:
 
 @nb.njit()
 def touch(w: Record, x: np.ndarray, force: np.ndarray) -> None:
-    """Adds the legs' push (3,) [N] for state x, and turns the body level while it stands: ``practice.plant.legs``."""
+    """Adds the legs' push (3,) [N] for state x, and turns the body level while it is on the ground:
+    ``practice.plant.legs``."""
     depth = w.ground_z - x[2, 0]
     if not depth > 0.0:
         return

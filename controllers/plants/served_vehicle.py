@@ -46,8 +46,9 @@ class ServedVehicle:
     """One vehicle at rest on the ground, the firmware of ``stabilizer`` on board; ``advance`` runs both.
 
     ``battery_V``: of the cell at rest. ``wind_m_s`` (3,) world: the air moves so. ``noise``: of gyro and accelerometer
-    over the recordings'; ``air``: unrest of the air over theirs. ``start_m`` (3,), yaw_rad: where it stands. Raises
-    InputError for a model that no plant can be made of, for a delay above a second, a voltage outside BATTERY_V.
+    over the recordings'; ``air``: unrest of the air over theirs. ``start_m`` (3,), yaw_rad: initial position and
+    heading. Raises InputError for a model that no plant can be made of, for a delay above a second, a voltage outside
+    BATTERY_V.
     """
 
     def __init__(self, model: Model, *, battery_V: float = DISCONNECTED_V, wind_m_s: Sequence[float] = (0.0, 0.0, 0.0),

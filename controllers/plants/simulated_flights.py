@@ -2,8 +2,8 @@
 them.
 
 Every vehicle hovers where its path begins, the path starts HOVER_S later, and SETTLED_S after that scoring begins. The
-same plants, air and noise for every controller. Controllers that can be told of a vehicle (``model``, or ``vehicle``
-and ``thrust_scale``) are told of the identified one, never of the single plants.
+same plants, air and noise for every controller. Controllers that accept a vehicle (``model``, or ``vehicle`` and
+``thrust_scale``) get the identified one, never the single plants.
 """
 
 from __future__ import annotations
@@ -165,9 +165,9 @@ def fly_controller(name: str, specs: Sequence[PathSpec], simulator: str, plants:
                    draws: tuple[tuple[str, ...], list[list[float]]] | None = None, disturbed: bool = True,
                    radio_s: float = 0.0, wind_m_s: float = 0.0, silent: float = 0.0,
                    gains: Mapping[str, float] | None = None) -> Runs:
-    """One controller on the ensemble. ``radio_s``: delay of the radio, of which controllers are told; ``silent``: share
-    of the time in which it takes nothing; ``gains``: instead of the controller's own; a wind blows from a direction
-    of its own at every plant."""
+    """One controller on the ensemble. ``radio_s``: delay of the radio, which controllers know; ``silent``: share of
+    the time in which it takes nothing; ``gains``: instead of the controller's defaults; the wind has a separate
+    direction at every plant."""
     known = None if draws is None else (tuple(draws[0]), np.array(draws[1], float))
     ensemble = draw(simulator, plants, seed, known, radio_s).in_wind(wind_m_s)
     controller = made(name, loads(simulator), radio_s, gains)

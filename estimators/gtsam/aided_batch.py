@@ -1,10 +1,10 @@
 """The batch smoother with what a quadrotor's own physics says: drag as velocity, thrust as a vertical accelerometer.
 
-The accelerometer's x and y feel drag alone (Leishman et al., IEEE Control Systems 2014): their mean over each state is
-offset - k v - q |v| v in the body. Its z feels thrust: scale times the firmware's curve of PWM times battery voltage.
-Offset, drag coefficient, thrust scale and how fast the vertical accelerometer's bias drifts are slow quantities,
-learned while poses come. The states go on after the last pose to the touch-down, so that a value in a blackout uses the
-IMU, motors and battery of the time after it too (never a later pose).
+The accelerometer's x and y measure drag alone (Leishman et al., IEEE Control Systems 2014). Their mean over each state
+is offset - k v - q |v| v in the body. Its z feels thrust: scale times the firmware's curve of PWM times battery
+voltage. Offset, drag coefficient, thrust scale and how fast the vertical accelerometer's bias drifts are slow
+quantities, learned while poses come. The states go on after the last pose to the touch-down. A value in a blackout
+therefore also uses the IMU, motors and battery of the time after it (never a later pose).
 """
 
 from __future__ import annotations

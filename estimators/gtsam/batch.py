@@ -1,7 +1,7 @@
 """A batch smoother over the whole flight: preintegrated IMU, bias walks, poses (GTSAM).
 
-States ten times a second, started from the error-state filter; the rotation from the IMU to the tracked body and the
-lateness of the IMU's stamps are unknowns. Poses between two states count at the nearest one. It looks ahead: a value
+States ten times a second, started from the error-state filter. The rotation from the IMU to the tracked body and the
+delay of the IMU's timestamps are unknowns. Poses between two states count at the nearest one. It looks ahead: a value
 uses all of the IMU and every pose that was given, whenever they came. One that did not converge is no result.
 """
 
@@ -35,8 +35,9 @@ changes."""
 CLOCK_SD_S = number("smoothers.batch.clock_sd_s")
 TOGETHER_SD_M = number("smoothers.batch.together_sd_m")
 ALONE_SD_M = number("smoothers.batch.alone_sd_m")
-"""What poses and the IMU disagree by besides the noise of the pose. Where several poses come to one state: the wander
-of the IMU's stamps, whose errors hang together, times the velocity of each axis, and a rest; where one comes alone."""
+"""Disagreement of poses and IMU in addition to the noise of the pose. Where several poses belong to one state: the
+wander of the IMU's timestamps, whose errors are correlated, times the velocity of each axis, and a rest. And where one
+is alone."""
 
 ATTITUDE_SD_RAD = number("smoothers.batch.attitude_sd_rad")
 UNKNOWN_SD_M = number("smoothers.batch.unknown_sd_m")

@@ -1,8 +1,8 @@
 """How sure a smoother is: covariances of its states from the elimination of the linearised problem.
 
-Eliminated in time, the states of one time depend on those of the next alone, R x_i + S x_(i+1) = d, so that from the
-last one back cov_i = R^-1 (I + S cov_(i+1) S^T) R^-T (Kaess and Dellaert, "Covariance recovery from a square root
-information matrix", RAS 2009, for a chain).
+Eliminated in time, the states of one time depend on those of the next alone: R x_i + S x_(i+1) = d. From the last one
+back, cov_i = R^-1 (I + S cov_(i+1) S^T) R^-T (Kaess and Dellaert, "Covariance recovery from a square root information
+matrix", RAS 2009, for a chain).
 """
 
 from __future__ import annotations
@@ -48,8 +48,9 @@ def covariance_of(net: Any, keys: list[list[int]], sizes: list[int]) -> np.ndarr
 
 
 def given_out(covariance: np.ndarray, state: State, rate: np.ndarray) -> np.ndarray:
-    """(K, 9, 9) of position and velocity (world) and attitude (body) of the tracked body as given out, from that of
-    pose, velocity, biases, slow quantities (K, n, n) in this order; rate (K, 3) of the body [rad/s]."""
+    """(K, 9, 9) of position and velocity (world) and attitude (body) of the reported tracked body.
+
+    Input: that of pose, velocity, biases, slow quantities (K, n, n) in this order; rate (K, 3) of the body [rad/s]."""
     count, n = covariance.shape[:2]
     by = np.zeros((count, 9, n))
     slow = 15

@@ -2,7 +2,7 @@
 
 States every tenth of a second: pose (of the IMU), velocity, biases, and a vector of slow quantities. GTSAM's ImuFactor
 (Forster et al., "On-manifold preintegration", T-RO 2017) connects states. Everything else is linearised for all states
-at once in NumPy and passed as Jacobian factors: a Python function per factor and iteration costs more than the whole
+at once in NumPy and passed as Jacobian factors. A Python function per factor and iteration costs more than the whole
 solution. Gauss-Newton with halved steps; convergence is reported.
 """
 
@@ -201,7 +201,7 @@ class Problem:
     def _optimised(self, linear: Any, ordering: Any) -> Any:
         try:
             return linear.optimize(ordering)
-        except RuntimeError:  # too weakly held for Cholesky; QR is slower and stands it
+        except RuntimeError:  # too weakly held for Cholesky; QR is slower but robust to it
             return linear.optimize(ordering, self.gtsam.EliminateQR)
 
     def _in_time(self, like: State) -> Any:

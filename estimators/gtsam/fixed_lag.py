@@ -283,8 +283,8 @@ def _sums(values: np.ndarray) -> np.ndarray:
 
 
 def _slope(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """(n, 3): squared slope over the CHANGE_S before each row, of the accelerometer across and along the rotors' axis
-    and of the gyro (means of axes)."""
+    """(n, 3): squared slope over the CHANGE_S before each row. Columns: accelerometer across and along the rotors'
+    axis, and gyro (means of axes)."""
     back = np.clip(np.searchsorted(time_s, time_s - CHANGE_S), 0, None)
     slope = (values - values[back]) / np.maximum(time_s - time_s[back], 1e-3)[:, None]
     square = slope**2

@@ -17,9 +17,11 @@ POSE, VELOCITY, ACC_BIAS, GYRO_BIAS, SLOW = slice(0, 6), slice(6, 9), slice(9, 1
 
 @dataclass
 class Carried:
-    """Gathered along the way: ``states`` of the newest state of each time [(covariance (n, n), rotation (3, 3))], and
-    for every row which of them it stands on and the increment since (seconds, turn, way and gain in the body of the
-    state, and their covariance (9, 9))."""
+    """Collected on the way:
+
+    - ``states`` of the newest state of each time [(covariance (n, n), rotation (3, 3))];
+    - for every row, the state it is based on and the increment since (seconds, turn, way and gain in the body of the
+      state, and their covariance (9, 9))."""
 
     states: list[tuple[np.ndarray, np.ndarray]] = field(default_factory=list)
     owner: list[int] = field(default_factory=list)
@@ -32,8 +34,9 @@ class Carried:
                            increment.deltaVij(), increment.preintMeasCov()[:9, :9]))
 
     def covariance(self, velocity: np.ndarray, slow: np.ndarray, rate: np.ndarray) -> np.ndarray:
-        """(n, 9, 9) of position and velocity (world) and attitude (body) as given out at the n rows, whose velocity
-        (n, 3) m/s, slow quantities (n, d) and rate (n, 3) rad/s these are."""
+        """(n, 9, 9) of position and velocity (world) and attitude (body) as reported at the n rows.
+
+        These have velocity (n, 3) m/s, slow quantities (n, d) and rate (n, 3) rad/s."""
         n, size = len(self.owner), self.states[0][0].shape[0]
         before, rotation = (np.array([state[k] for state in self.states])[self.owner] for k in (0, 1))
         dt, turn, way, gain, own = (np.array([one[k] for one in self.since]) for k in range(5))

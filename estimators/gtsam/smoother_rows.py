@@ -35,11 +35,14 @@ GAP_S = number("smoothers.smoother_rows.gap_s")
 
 @dataclass(frozen=True)
 class Rows:
-    """report_s (n,): stamps of the IMU rows; time_s (n,) those less what missing packets say they are late, acc
-    [m/s^2] and gyro [rad/s] (n, 3), packets (n,) how many packets a row stands for (less than one where a resampler
-    drew it); poses: pose_s (m,) when they were measured, position (m, 3), quaternion (m, 4), noise_m the SD of a
-    position that was told, or nan; lift (n,) whether a row is the first in the air, where the accelerometer's biases
-    change."""
+    """Rows of the IMU and the poses.
+
+    - report_s (n,): timestamps of the IMU rows.
+    - time_s (n,): those less the delay that missing packets show; acc [m/s^2] and gyro [rad/s] (n, 3).
+    - packets (n,): number of packets per row (less than one for an interpolated row).
+    - poses: pose_s (m,) time of measurement, position (m, 3), quaternion (m, 4), noise_m the stated SD of a position,
+      or nan.
+    - lift (n,): whether a row is the first in the air, where the accelerometer's biases change."""
 
     report_s: np.ndarray
     time_s: np.ndarray
@@ -58,9 +61,9 @@ def rows_of(flight: Flight, causal: bool = False) -> Rows:
     """InputError without an IMU, with a hole in it, or without a second of poses to start from.
 
     Rows with nan, rows whose time does not rise and the straight line that a resampler draws after the last packet are
-    left out. A pose that comes late is taken at the time it was measured, if the delay was told
-    (``metadata["pose_delay_s"]``). The drift of a warming accelerometer is taken out. ``causal``: packets are not
-    counted, which takes the whole recording.
+    left out. A late pose is used at the time it was measured, if the delay is known (``metadata["pose_delay_s"]``).
+    The drift of a warming accelerometer is taken out. ``causal``: packets are not counted, which takes the whole
+    recording.
     """
     place = flight.provenance.path
     imu, mocap = flight["imu"], flight["mocap"]
@@ -72,7 +75,7 @@ def rows_of(flight: Flight, causal: bool = False) -> Rows:
     if not causal:
         packets = _packets(imu.time_s, imu[ACC + GYRO], packet_rate_hz(imu))
         logged = imu.time_s <= count_packets(imu.time_s, imu[ACC + GYRO]).last_s
-    late = lateness(flight) if imu.time_sd_s is None else np.zeros(len(imu))  # re-timed: nothing is left to be told
+    late = lateness(flight) if imu.time_sd_s is None else np.zeros(len(imu))  # re-timed: no delay is left
     good = logged & np.isfinite(imu[ACC + GYRO]).all(axis=1) & np.isfinite(imu.time_s)
     values = np.column_stack([imu[ACC + GYRO], packets, late, imu.time_s])[good]
     values = _rising(values[:, 8], values)[1]

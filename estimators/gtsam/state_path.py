@@ -1,8 +1,8 @@
 """The path between the states of a smoother: the IMU carried from a state to any time near it.
 
 Increments since the start of each interval (rotation, velocity and position in the frame of its first state, without
-gravity) depend on the biases alone. From them the motion at a time follows from the state before it or from the one
-after it; the path that is given out goes from the first to the second over the interval.
+gravity) depend on the biases alone. From them, the motion at a time follows from the state before it or from the one
+after it. The reported path goes from the first to the second over the interval.
 """
 
 from __future__ import annotations
@@ -23,8 +23,10 @@ UP = np.array([0.0, 0.0, GRAVITY_M_S2])
 
 @dataclass(frozen=True)
 class State:
-    """At K times: rotation (K, 3, 3) of the IMU, position, velocity (K, 3) world, biases acc, gyro (K, 3), slow (K, d)
-    quantities that change as random walks, others {letter: (K, d)}."""
+    """At K times.
+
+    - rotation (K, 3, 3): of the IMU; position, velocity (K, 3): world; biases acc, gyro (K, 3).
+    - slow (K, d): quantities that change as random walks; others {letter: (K, d)}."""
 
     rotation: np.ndarray
     position: np.ndarray
@@ -55,8 +57,11 @@ class Motion:
 
 @dataclass(frozen=True)
 class Steps:
-    """The IMU between states: time_s (K,) of the states; grid_s (n + 1,) all rows and states; acc, gyro (n, 3) held
-    over the step after each; first, lengths (K - 1,) of the steps of each interval."""
+    """The IMU between states.
+
+    - time_s (K,): of the states; grid_s (n + 1,): all rows and states.
+    - acc, gyro (n, 3): held over the step after each.
+    - first, lengths (K - 1,): of the steps of each interval."""
 
     time_s: np.ndarray
     grid_s: np.ndarray
@@ -134,7 +139,7 @@ class Path:
 @nb.njit(cache=True)
 def increments(first: np.ndarray, lengths: np.ndarray, step_s: np.ndarray, force: np.ndarray,
                turn: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Rotation (n, 4), velocity and position (n, 3) before each of n steps since the start of its interval, then the
+    """Rotation (n, 4), velocity and position (n, 3) before each of n steps since the start of its interval. Then the
     same over the whole of each interval (K, .); force (n, 3) held over a step, turn (n, 4) of the step."""
     k, n = len(first), len(step_s)
     q, v, p = np.empty((n, 4)), np.empty((n, 3)), np.empty((n, 3))

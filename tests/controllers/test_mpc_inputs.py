@@ -85,7 +85,7 @@ def test_a_bug_of_the_future_comes_out(ahead, error):
 def test_a_future_of_another_shape_is_no_future():
     """A present given where the future was asked for would hold the vehicle where it is asked to be now."""
     controller, spec = fresh("mpc_daqp"), path_spec("circle", "slow")
-    with pytest.raises(ValueError, match="a present is no future"):
+    with pytest.raises(ValueError, match="give the future of the reference"):
         controller.command(0.0, World(with_future(spec, 0.0)).seen(),
                            with_future(spec, 0.0, ahead=lambda _: with_future(spec, 0.0)))
 
