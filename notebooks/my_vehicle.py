@@ -8,7 +8,8 @@
 # %% [markdown]
 # # My vehicle: what physics does it obey
 #
-# Physical terms are fitted to their predictions half a second ahead. Mass comes from a scale: flights show ratios to it.
+# Physical terms are fitted to their predictions half a second ahead.
+# Mass comes from a scale: flights show ratios to it.
 
 # %%
 import os
