@@ -21,6 +21,7 @@ from ..sources.tum_layout import NORM_TOLERANCE
 from ..units import GRAVITY_M_S2, factor
 from . import column_evidence as evidence
 from .draft import QUATERNION, TIME, ColumnDraft, Draft, Drafted, Key, as_toml
+from .draft_axes import judge_axes
 from .draft_table import Table, read_table
 from .draft_units import judge_units
 from .plausible_ranges import SLOWEST_STEP_S
@@ -40,6 +41,7 @@ def draft_columns(path: Path) -> ColumnDraft:
         _order_turn(stream, draft, table.values)
         _check_turn(stream, draft, table.values)
     judge_units(draft, table.values, time_s)
+    judge_axes(draft, table.values, time_s)
     if len(draft.mapped) == 1:
         asked = f"; {draft.questions[0]}" if draft.questions else ""
         raise InputError(place, f"no column beside {draft.mapped[TIME].column!r} has a name that is known{asked}",
@@ -79,8 +81,11 @@ def _name(draft: Draft, table: Table, path: Path) -> None:
         allowed = ("1",) if re.fullmatch(r"q\d", key[1]) else allowed_units(
             key[0], "m1" if key[1] == "m0" else key[1])
         unit = stated[column]
-        if unit and unit not in allowed:
-            draft.notes.append(f"{column}: its unit {unit!r} is none of {', '.join(allowed)}")
+        if unit and unit not in allowed and key != TIME:
+            question = f"its unit {unit!r} is none of {', '.join(allowed)}; convert it"
+            draft.questions.append(f"{column}: {question}")
+            draft.unknown[column] = question
+            continue
         known_unit = unit in allowed
         draft.mapped[key] = Drafted(column, unit if known_unit else allowed[0],
                                     "known" if known_unit or len(allowed) == 1 else "assumed",

@@ -19,6 +19,7 @@ FASTEST_RAD_S = number("audit.column_evidence.fastest_rad_s")
 SLOWEST_PEAK_RAD_S = number("audit.column_evidence.slowest_peak_rad_s")
 MOST_M_S2 = number("audit.column_evidence.most_m_s2")
 CELLS_V = setting("audit.column_evidence.cells_v")
+LEAST_GRAVITY = number("audit.column_evidence.least_gravity")
 FASTEST_STEP_S = number("audit.column_evidence.fastest_step_s")
 NOISE_APART = number("audit.column_evidence.noise_apart")
 """Axes of an estimate differ less in their noise."""

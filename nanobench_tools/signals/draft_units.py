@@ -113,7 +113,12 @@ def _gravity(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
         if draft.open(keys):
             draft.ask(keys, "an accelerometer with one or two axes: m/s^2 or g? write unit = \"m/s^2\" or \"g\"")
         return
-    norm = float(np.nanmedian(np.linalg.norm(np.stack([values[draft.mapped[k].column] for k in keys], axis=1), axis=1)))
+    cells = np.stack([values[draft.mapped[k].column] for k in keys], axis=1)
+    norm = float(np.nanmedian(np.linalg.norm(cells, axis=1)))
+    if norm > 0.0 and float(np.linalg.norm(np.nanmean(cells, axis=0))) < evidence.LEAST_GRAVITY * norm:
+        draft.ask(keys, "no accelerometer: its mean is about 0, without gravity. Is it the acceleration of an "
+                  "estimate? write [streams.estimator_acc] ax, ay, az")
+        return
     factors = {"m/s^2": 1.0, "g": factor("g"), "mg": factor("mg"), "mm/s^2": factor("mm/s^2")}
     near = np.log(evidence.SAME)
     fits = [u for u, f in factors.items() if norm > 0.0 and abs(np.log(norm * f / GRAVITY_M_S2)) < near]

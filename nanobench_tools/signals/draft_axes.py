@@ -1,0 +1,146 @@
+"""Axes of a drafted map that the numbers show: velocity, specific force and turning rate in body or world axes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.spatial.transform import Rotation
+
+from ..settings import number
+from . import column_evidence as evidence
+from .draft import QUATERNION, Draft, Key
+
+SAME_AXES = number("audit.draft_axes.same_axes")
+OTHER_AXES = number("audit.draft_axes.other_axes")
+FAR_BETTER = number("audit.draft_axes.far_better")
+SPAN_S = 0.5
+"""A displacement over this time contains little noise of the positions."""
+TURN_S = 0.1
+"""The same for turning rates."""
+ANGLES = ("roll", "pitch", "yaw")
+
+
+def judge_axes(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarray) -> None:
+    """Omits vectors that are in other axes than their quantity, and asks about those that agree with neither."""
+    steps = np.diff(time_s)
+    if len(time_s) < 4 * evidence.WINDOW or not np.isfinite(steps).all() or not np.median(steps) > 0.0:
+        return
+    step_s = float(np.median(steps))
+    _pitch(draft, values, step_s)
+    rotation = _rotation(draft, values)
+    for position, velocity in (((("mocap", "px"), ("mocap", "py"), ("mocap", "pz")),
+                                (("mocap", "vx"), ("mocap", "vy"), ("mocap", "vz"))),
+                               ((("estimator", "x"), ("estimator", "y"), ("estimator", "z")),
+                                (("estimator", "vx"), ("estimator", "vy"), ("estimator", "vz")))):
+        _velocity(draft, values, position, velocity, rotation, step_s)
+    if rotation is not None:
+        _force(draft, values, rotation, step_s)
+        _rate(draft, values, rotation, step_s)
+
+
+def _rotation(draft: Draft, values: Mapping[str, np.ndarray]) -> Rotation | None:
+    """Body to world, (n,); None without an attitude in every row."""
+    for stream in ("mocap", "attitude_qw"):
+        turn = _vector(draft, values, [(stream, q) for q in QUATERNION])
+        if turn is not None and np.linalg.norm(turn, axis=1).min() > 0.5:
+            return Rotation.from_quat(turn)
+    angles = _vector(draft, values, [("attitude", name) for name in ANGLES])
+    return None if angles is None else Rotation.from_euler("ZYX", angles[:, ::-1])
+
+
+def _vector(draft: Draft, values: Mapping[str, np.ndarray], keys: list[Key] | tuple[Key, ...]) -> np.ndarray | None:
+    """(n, k) in SI; None where a column is not drafted or a cell is missing."""
+    if not all(key in draft.mapped for key in keys) or any(key[0] in draft.frames for key in keys):
+        return None
+    found = draft.si(keys, values)
+    return found if np.isfinite(found).all() else None
+
+
+def explained(signal: np.ndarray, by: np.ndarray) -> float:
+    """Share of the mean square of (n, 3) ``signal`` that ``by`` explains, constants removed."""
+    signal, by = signal - signal.mean(axis=0), by - by.mean(axis=0)
+    size = float(np.sum(signal * signal))
+    return 1.0 - float(np.sum((signal - by) ** 2)) / size if size > 0.0 else 1.0
+
+
+def far_better(one: float, other: float) -> bool:
+    """Whether the first share explains the motion, and leaves a fraction of what the second one leaves."""
+    return one > SAME_AXES and 1.0 - other > FAR_BETTER * (1.0 - one)
+
+
+def _velocity(draft: Draft, values: Mapping[str, np.ndarray], position: tuple[Key, ...], velocity: tuple[Key, ...],
+              rotation: Rotation | None, step_s: float) -> None:
+    p, v = _vector(draft, values, position), _vector(draft, values, velocity)
+    rows = round(SPAN_S / step_s)
+    if p is None or v is None or not 0 < rows < len(p) // 2:
+        return
+    moved = p[rows:] - p[:-rows]
+    if float(np.sqrt(np.mean(moved ** 2))) < SPAN_S * evidence.SMALLEST_FLIGHT_M:
+        return
+
+    def of(speed: np.ndarray) -> float:
+        path = step_s * np.cumsum(speed, axis=0)
+        return explained(moved, path[rows:] - path[:-rows])
+
+    world = of(v)
+    if rotation is not None and far_better(of(rotation.apply(v)), world):
+        for key in velocity:
+            draft.unknown[draft.mapped.pop(key).column] = "a velocity in the body frame, which no task uses"
+        draft.notes.append("the velocity is in body axes: turned by the attitude it is the rate of the position")
+    elif world < OTHER_AXES:
+        draft.ask(velocity, "this is not the rate of the position: in other axes, or of another body?")
+
+
+def _force(draft: Draft, values: Mapping[str, np.ndarray], rotation: Rotation, step_s: float) -> None:
+    """A specific force in world axes explains the acceleration of the path as it is."""
+    keys = [("imu", f"acc_{a}") for a in "xyz"]
+    p, f = _vector(draft, values, [("mocap", f"p{a}") for a in "xyz"]), _vector(draft, values, keys)
+    rows = round(SPAN_S / step_s)
+    if p is None or f is None or not 0 < rows < len(p) // 4:
+        return
+    bent = p[2 * rows:] - 2.0 * p[rows:-rows] + p[:-2 * rows]
+
+    def of(force: np.ndarray) -> float:
+        twice = uniform_filter1d(uniform_filter1d(force, rows, axis=0), rows, axis=0)
+        return explained(bent, (rows * step_s) ** 2 * twice[rows:-rows])
+
+    if far_better(of(f), of(rotation.apply(f))):
+        draft.ask(keys, "an acceleration in the axes of the world, not of the body; leave it out, or turn it by the "
+                        "attitude")
+
+
+def _rate(draft: Draft, values: Mapping[str, np.ndarray], rotation: Rotation, step_s: float) -> None:
+    """A turning rate in world axes explains the turning of the attitude there, and not in the body."""
+    keys = [("imu", f"gyro_{a}") for a in "xyz"]
+    w = _vector(draft, values, keys)
+    rows = max(1, round(TURN_S / step_s))
+    if w is None or rows >= len(w) // 4:
+        return
+    body = (rotation[:-rows].inv() * rotation[rows:]).as_rotvec()
+    world = (rotation[rows:] * rotation[:-rows].inv()).as_rotvec()
+    path = step_s * np.cumsum(w, axis=0)
+    turned = path[rows:] - path[:-rows]
+    if far_better(explained(world, turned), explained(body, turned)):
+        draft.ask(keys, "turning rates in the axes of the world, not of the body; leave them out, or turn them by the "
+                        "attitude")
+
+
+def _pitch(draft: Draft, values: Mapping[str, np.ndarray], step_s: float) -> None:
+    """An angle of pitch whose rate is the gyro's with the other sign is positive nose up."""
+    key: Key = ("attitude", "pitch")
+    angles = _vector(draft, values, [("attitude", name) for name in ANGLES])
+    w = _vector(draft, values, [("imu", f"gyro_{a}") for a in "xyz"])
+    drafted = draft.mapped.get(key)
+    if angles is None or w is None or drafted is None or drafted.sign < 0:
+        return
+    rows = max(1, round(TURN_S / step_s))
+    turns = np.unwrap(angles, axis=0)
+    path = step_s * np.cumsum(w, axis=0)
+    found = evidence.ratio(path[rows:] - path[:-rows], turns[rows:] - turns[:-rows])
+    if found.sign[1] < 0 and found.sign[0] > 0 and found.sign[2] >= 0:
+        draft.mapped[key] = replace(drafted, sign=-drafted.sign, why="nose up is positive: the gyro shows it")
+        draft.notes[:] = [n for n in draft.notes if not n.startswith(f"{drafted.column}: taken as positive")]
+        draft.notes.append(f"{drafted.column}: positive nose up, since the gyro turns the other way")

@@ -1,0 +1,87 @@
+"""Drafted maps of tables whose vectors are in other axes or units than their names suggest: asked about or left out."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from nanobench_tools.signals.column_draft import draft_columns
+
+STEP_S = 0.02
+G = np.array([0.0, 0.0, 9.81])
+
+
+@functools.cache
+def flown():
+    """Columns of a flight of 16 s: a circle with a turn of 80 degrees; the attitude follows from the thrust."""
+    t = np.arange(0.0, 16.0, STEP_S)
+    ramp = np.clip((t - 3.0) / 3.0, 0.0, 1.0) * np.clip((13.0 - t) / 3.0, 0.0, 1.0)
+    ramp = ramp * ramp * (3.0 - 2.0 * ramp)
+    p = np.stack([ramp * np.sin(1.5 * t), 0.7 * ramp * np.sin(2.5 * t), ramp], axis=1)
+    v = np.gradient(p, STEP_S, axis=0)
+    a = np.gradient(v, STEP_S, axis=0)
+    up = (a + G) / np.linalg.norm(a + G, axis=1, keepdims=True)
+    yaw = 1.4 * ramp
+    left = np.cross(up, np.stack([np.cos(yaw), np.sin(yaw), 0.0 * yaw], axis=1))
+    left /= np.linalg.norm(left, axis=1, keepdims=True)
+    turn = Rotation.from_matrix(np.stack([np.cross(left, up), left, up], axis=2))
+    w = np.gradient(turn.as_quat(), STEP_S, axis=0)
+    q = turn.as_quat()
+    rate = 2.0 * (q[:, 3:] * w[:, :3] - w[:, 3:] * q[:, :3] - np.cross(q[:, :3], w[:, :3]))
+    rng = np.random.default_rng(5)
+    return t, p + 3e-4 * rng.standard_normal(p.shape), v, a, turn, rate + 0.01 * rng.standard_normal(p.shape)
+
+
+def drafted(tmp_path, **vectors):
+    """The draft of a table with time, position, attitude and these vectors: name with ? for the axis -> (n, 3)."""
+    t, p, _, _, turn, _ = flown()
+    columns = {"t": t, **{a: p[:, i] for i, a in enumerate("xyz")}}
+    columns |= {f"q{a}": turn.as_quat()[:, i] for i, a in enumerate("xyzw")}
+    for name, vector in vectors.items():
+        columns |= {name.replace("_AXIS", f"_{a}"): vector[:, i] for i, a in enumerate("xyz")}
+    rows = [",".join(columns), *(",".join(f"{c:.6g}" for c in row) for row in zip(*columns.values(), strict=True))]
+    (tmp_path / "flight.csv").write_text("\n".join(rows) + "\n")
+    return draft_columns(tmp_path / "flight.csv")
+
+
+def test_vectors_in_their_own_axes_are_drafted(tmp_path):
+    _, _, v, a, turn, w = flown()
+    draft = drafted(tmp_path, vel_AXIS=v, acc_AXIS=turn.inv().apply(a + G), gyro_AXIS=w)
+    assert draft.questions == ()
+    assert {("mocap", "vx"), ("imu", "acc_y"), ("imu", "gyro_z")} <= set(draft.mapped)
+
+
+@pytest.mark.parametrize(("name", "key", "says"), [
+    ("vel", ("mocap", "vx"), "a velocity in the body frame"), ("acc", ("imu", "acc_x"), "in the axes of the world"),
+    ("gyro", ("imu", "gyro_x"), "in the axes of the world"), ("acc", ("imu", "acc_z"), "without gravity")])
+def test_vectors_in_other_axes_are_not(tmp_path, name, key, says):
+    _, _, v, a, turn, w = flown()
+    wrong = {"vel": turn.inv().apply(v), "gyro": turn.apply(w),
+             "acc": turn.inv().apply(a) if "gravity" in says else a + G}[name]
+    draft = drafted(tmp_path, **{f"{name}_AXIS": wrong})
+    assert key not in draft.mapped
+    assert says in " ".join(draft.unknown.values())
+    assert ("mocap", "px") in draft.mapped
+
+
+def test_the_sign_of_a_pitch_follows_from_the_gyro(tmp_path):
+    t, p, _, _, turn, w = flown()
+    angles = turn.as_euler("ZYX", degrees=True)[:, ::-1]
+    for sign in (1, -1):
+        rows = ["t,x,y,z,roll_deg,pitch_deg,yaw_deg,gyro_x,gyro_y,gyro_z"]
+        rows += [",".join(f"{c:.6g}" for c in (*row, *at, *turning)) for row, at, turning in zip(
+            np.column_stack([t, p]), angles * [1, sign, 1], w, strict=True)]
+        (tmp_path / "flight.csv").write_text("\n".join(rows) + "\n")
+        draft = draft_columns(tmp_path / "flight.csv")
+        assert ('unit = "deg", sign = -1}' in draft.text) == (sign < 0)
+
+
+def test_a_unit_that_is_not_known_is_a_question(tmp_path):
+    (tmp_path / "f.csv").write_text("t,x [ft],y [ft],z [ft],vbat\n" + "".join(
+        f"{0.01 * i},{0.1 * i},{0.2 * i},1,{4.0 - 1e-4 * i}\n" for i in range(200)))
+    draft = draft_columns(tmp_path / "f.csv")
+    assert ("mocap", "px") not in draft.mapped
+    assert "its unit 'ft' is none of m, mm, cm; convert it" in draft.questions[0]
