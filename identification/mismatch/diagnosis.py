@@ -22,7 +22,7 @@ from nanobench_tools.settings import setting
 from .believe import start_of
 from .commanded import believed
 from .decide import UNPROVED, UNSURE, Decision, decide, unproved, without
-from .equivalent import Equivalent, equivalent, turns_nothing
+from .equivalent import Equivalent, equivalent, turning_by_motor, turns_nothing
 from .fitting import Slopes, fit, slopes
 from .leftover import Structure
 from .levels import with_levels
@@ -32,6 +32,7 @@ from .proof import Proof, prove, turned_better
 from .recordings import LEAST_S, Recordings, look_over
 from .space import Space, space_around, space_of_other_map
 from .verdict import Verdict, data_faults
+from .wiring import gains_against_flights
 from .wrench import CHANNELS, Wrench
 
 ANOTHER = setting("mismatch.diagnosis.another")
@@ -162,6 +163,9 @@ def diagnose_callable(recordings: Recordings, simulator: Simulator, place: str, 
     if turns_nothing(simulator, recordings.tracks[0], place):
         recordings = replace(recordings, tracks=tuple(replace(t, turns=False) for t in recordings.tracks))
     given = equivalent(recordings, simulator, place, vehicle, progress)
+    wrong = gains_against_flights(Wrench(recordings.tracks), turning_by_motor(simulator, recordings.tracks[0], place))
+    if wrong is not None:
+        raise InputError(f"{place}: order and signs of its motors", wrong.found, wrong.advice)
     if given.alike:
         verdict = engine(recordings, given.model, seed=seed, progress=progress, given=given)
     else:

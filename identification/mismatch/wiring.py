@@ -32,6 +32,8 @@ MOST_PERMUTED = 4
 """Rotors of which every order is tried; of more, only swaps of two."""
 LAGS_S = (0.02, 0.05, 0.1)
 """Time constants of rotors, from a toy to half a metre; the one that fits best is taken."""
+LEAST_YAW = 1e-4
+"""A callable turns about yaw if it turns by more than this share of roll or pitch."""
 CLEAR = number("mismatch.wiring.clear")
 MASKED = setting("mismatch.wiring.masked")
 AXES = ("roll", "pitch", "yaw")
@@ -136,18 +138,33 @@ class Wiring:
 def against_flights(wrench: Wrench, model: Model) -> Contradiction | None:
     """A wiring with which the flights' turning follows their motors, where it does not with the simulator's; None
     where the simulator's fits, or the flights do not show it."""
-    slopes = _slopes(wrench, model)
+    patterns = _patterns(model.vehicle)[: 3 if any(name in model for name in SPINNING) else 2]
+    return _contradicted(wrench, patterns, model.vehicle.input)
+
+
+def gains_against_flights(wrench: Wrench, gains: np.ndarray) -> Contradiction | None:
+    """``against_flights`` of (3, rotors) angular acceleration that a simulator gives per motor (rad/s^2), which is
+    commanded by PWM; None where it does not turn about roll and pitch."""
+    length = np.linalg.norm(gains, axis=1, keepdims=True)
+    if not np.all(length[:2] > 0.0):
+        return None
+    axes = 3 if length[2] > LEAST_YAW * length[:2].min() else 2
+    return _contradicted(wrench, gains[:axes] / length[:axes], "pwm")
+
+
+def _contradicted(wrench: Wrench, patterns: np.ndarray, commands: str) -> Contradiction | None:
+    slopes = _slopes(wrench, patterns.shape[1], commands)
     if slopes is None:
         return None
-    patterns = _patterns(model.vehicle)[: 3 if any(name in model for name in SPINNING) else 2]
-    found = {wiring: _follows(*slopes, _rewired(patterns, wiring)) for wiring in _wirings(model.rotors, len(patterns))}
-    believed = found[Wiring(tuple(range(model.rotors)))]
+    rotors = patterns.shape[1]
+    found = {wiring: _follows(*slopes, _rewired(patterns, wiring)) for wiring in _wirings(rotors, len(patterns))}
+    believed = found[Wiring(tuple(range(rotors)))]
     best = max(found, key=lambda wiring: _explained(found[wiring]))
     wrong = [axis for axis, ours, theirs in zip(AXES, believed, found[best], strict=False)
              if theirs > CLEAR and ours < MASKED * theirs]
     if not wrong:
         return None
-    return Contradiction("spin" if best == Wiring(tuple(range(model.rotors)), True) else "motor_positions_m",
+    return Contradiction("spin" if best == Wiring(tuple(range(rotors)), True) else "motor_positions_m",
                          f"{' and '.join(wrong)} of the flights {'do' if len(wrong) > 1 else 'does'} not follow the "
                          f"simulator's motors, but would if {best.sentence}",
                          "check the order of motors and the signs of spin against the log's")
@@ -180,18 +197,18 @@ def _rewired(patterns: np.ndarray, wiring: Wiring) -> np.ndarray:
     return found
 
 
-def _slopes(wrench: Wrench, model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+def _slopes(wrench: Wrench, rotors: int, commands: str) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Angular acceleration per rotor thrust, (3, rotors), the inverse of its covariance up to the variance (rotors,
     rotors), and the variances (3,) left; None where turning is not compared.
 
     Thrust is that at the start of each stretch, so that what a controller does about the stretch is not in it.
     """
     at = wrench.torque_at
-    if len(at) < 10 * model.rotors:
+    if len(at) < 10 * rotors:
         return None
     rows = np.arange(int(wrench.ends[-1]))
     motor, volts = wrench.of("motor", rows), wrench.of("battery_V", rows)[:, None]
-    wanted = {"pwm": (motor * volts) ** 2, "rpm": motor**2}.get(model.vehicle.input, motor)
+    wanted = {"pwm": (motor * volts) ** 2, "rpm": motor**2}.get(commands, motor)
     track = wrench.track[at]
     turning = _centred(wrench.measured[1], track)
     best: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None

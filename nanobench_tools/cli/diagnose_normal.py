@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from ..steps.diagnosing import check_possible
 from ..steps.options import Options
 from ..steps.show import data_word
 from ..tables.result_table import Table
@@ -35,6 +36,8 @@ def diagnose_normal(options: Options, normal: Sequence[Path], simulator: Path | 
         if not path.exists():
             raise InputError(f"--normal {path}", "does not exist")
     model = None if simulator is None else read_quadrotor(simulator, "the trim of --normal")
+    if model is not None:
+        check_possible(model, str(simulator))
     here, usual = options.load(), options.load(normal)
     flights, known = _apart(here, usual)
     copies = copies_between({"the normal flights": known, "these flights": flights}, find_copies([*known, *flights]))

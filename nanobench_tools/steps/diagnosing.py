@@ -63,13 +63,22 @@ def names_a_file(simulator: str) -> bool:
 def check_wiring(recordings: Recordings, model: Model, place: str) -> None:
     """InputError at ``place`` where motor order and spins of the simulator cannot fly, or are not those of the
     flights. Any later step would take that for a wrong inertia or a weak motor."""
-    from identification.mismatch.wiring import against_flights, impossible
+    from identification.mismatch.wiring import against_flights
     from identification.mismatch.wrench import Wrench
 
-    wrong = impossible(model)
-    if wrong is None and recordings.tracks and recordings.tracks[0].motor.shape[1] == model.rotors:
+    check_possible(model, place)
+    wrong = None
+    if recordings.tracks and recordings.tracks[0].motor.shape[1] == model.rotors:
         wrong = against_flights(Wrench(recordings.tracks), model)
     if wrong is not None:
+        raise InputError(f"{place}: vehicle.{wrong.key}", wrong.found, wrong.advice)
+
+
+def check_possible(model: Model, place: str) -> None:
+    """InputError at ``place`` where no vehicle can fly with the simulator's motor order and spins."""
+    from identification.mismatch.wiring import impossible
+
+    if (wrong := impossible(model)) is not None:
         raise InputError(f"{place}: vehicle.{wrong.key}", wrong.found, wrong.advice)
 
 

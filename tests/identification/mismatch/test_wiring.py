@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from carried_tracks import MODEL, wrench_of
 
-from identification.mismatch.wiring import against_flights, impossible
+from identification.mismatch.equivalent import turning_by_motor
+from identification.mismatch.wiring import against_flights, gains_against_flights, impossible
 from identification.mismatch.wrench import Wrench
 from nanobench_tools.errors import InputError
 from nanobench_tools.physics import Model
@@ -93,3 +94,21 @@ def test_the_line_names_the_file_and_the_key(model):
 
     with pytest.raises(InputError, match=r"^sim.toml: vehicle.spin: motors 1 and 2 are neighbours"):
         check_wiring(Nothing(), rewired(model, spin=(1.0,) * 4), "sim.toml")
+
+
+def test_a_callable_with_swapped_motors_contradicts_the_flights(calm, model):
+    """The callable turns as the model does; its motors are taken in another order."""
+    def turning(order):
+        def accelerations(at):
+            lift = 0.01 * (at.motor[:, order] * at.battery_V[:, None]) ** 2
+            arms = np.array(model.vehicle.motor_positions_m)
+            torque = np.stack([lift @ arms[:, 1], -lift @ arms[:, 0], 0.006 * lift @ np.array(model.vehicle.spin)], 1)
+            return np.stack([0.0 * lift[:, 0], 0.0 * lift[:, 0], lift.sum(axis=1) / 0.04], axis=1), torque / 2e-5
+        return accelerations
+
+    for order, words in (((0, 1, 2, 3), None), ((1, 0, 2, 3), "motors 1 and 2 were swapped")):
+        gains = turning_by_motor(turning(order), calm.tracks[0], "mine")
+        found = gains_against_flights(calm, gains)
+        assert (found is None) is (words is None)
+        assert words is None or words in found.found
+    assert gains_against_flights(calm, np.zeros((3, 4))) is None  # forces alone
