@@ -1,7 +1,8 @@
 """Frames of other programs, named by where their axes point, and the turn from them to those of ``frames``.
 
-A world is three letters of north/south, east/west, up/down (``NED``, ``NWU``, ``EUS``), a body three of forward/back,
-left/right, up/down (``FRD``, ``RFU``). ``NED/FRD`` names both, as a column map writes it. Ours is ``ENU/FLU``.
+A world is three letters of north/south, east/west, up/down (``NED``, ``NWU``, ``EUS``). A body is three of
+forward/back, left/right, up/down (``FRD``, ``RFU``). ``NED/FRD`` names both, as a column map writes it. Ours is
+``ENU/FLU``.
 """
 
 from __future__ import annotations
@@ -34,7 +35,8 @@ class Frame:
 
 
 def frame_of(name: str) -> Frame:
-    """The frame called ``NED``, ``FRD``, ``NED/FRD`` ...; what is not named is ours. UsageError for any other word."""
+    """The frame called ``NED``, ``FRD``, ``NED/FRD`` ...; a part that is not given is ours. UsageError for any other
+    word."""
     parts = name.strip().upper().split("/")
     world = body = np.eye(3)
     if len(parts) > 2:

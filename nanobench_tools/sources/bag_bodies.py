@@ -1,5 +1,5 @@
 """Messages that hold many poses, one per body (``/tf``, Crazyswarm2's ``/poses``, rigid bodies of mocap4r2, models of
-Gazebo), taken apart into one topic per body: ``/poses:cf1``."""
+Gazebo). They are split into one topic per body: ``/poses:cf1``."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Listing:
 
 @dataclass(frozen=True)
 class Posed:
-    """One body's pose as if it had been a message of its own."""
+    """One body's pose as if it had been a separate message."""
 
     header: Any
     pose: Any = None
@@ -67,7 +67,7 @@ def _element(node: tuple[int, Any] | None) -> str:
 
 
 def bodies_in(message: Any, how: Listing) -> Iterator[tuple[str, str, Any]]:
-    """(frame, name of the body, its pose as a message of its own), of bodies in a frame of the world only."""
+    """(frame, name of the body, its pose as a separate message), of bodies in a frame of the world only."""
     header = getattr(message, "header", None)
     if how.apart:
         for name, pose in zip(message.name, message.pose, strict=False):

@@ -1,4 +1,5 @@
-"""Which topics of a bag make the streams of which vehicle. Roles and types decide; what stays doubtful is asked."""
+"""Which topics of a bag make the streams of which vehicle. Roles and types decide; doubtful topics are left to the
+user."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""On which clock the messages of a bag are: that of their senders, as their headers say, where all of these agree with
-each other; a sender that counts from another moment is put on the recorder's by when its messages were received.
+"""The clock of the messages of a bag: that of their senders, from their headers, where all of these agree with each
+other. A sender with another time origin is put on the recorder's clock by the times at which its messages were
+received.
 """
 
 from __future__ import annotations

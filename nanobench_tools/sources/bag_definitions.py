@@ -1,4 +1,5 @@
-"""Definitions of message types that bags of ROS 2 before Iron do not hold (``.db3`` without them), as text of ``.msg``.
+"""Definitions of message types that bags of ROS 2 before Iron do not hold (``.db3`` without them). They are text of
+``.msg``.
 
 Only types whose layout never changed since they were first released; any other one has to come with the bag.
 """

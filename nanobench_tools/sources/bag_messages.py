@@ -1,6 +1,6 @@
 """Messages of a ROS 1 or ROS 2 bag through rosbags (extra ``rosbag``), topic by topic.
 
-Each storage file (.bag, .db3, .mcap) is read by itself and needs no metadata.yaml; the files of one recording that was
+Each storage file (.bag, .db3, .mcap) is read alone and needs no metadata.yaml; the files of one recording that was
 split are put together.
 """
 
@@ -21,15 +21,15 @@ from .bag_repair import REPAIRS, is_shorter_than_its_header
 from .bag_topics import Topic
 
 SUFFIXES = {b"#ROSBAG V": ".bag", b"\x89MCAP0\r\n": ".mcap", b"SQLite format 3\x00": ".db3"}
-"""First bytes -> the suffix by which rosbags tells the formats apart."""
+"""First bytes -> the suffix by which rosbags distinguishes the formats."""
 
 
 @dataclass
 class Bag:
     """``topics`` of all kinds, a list of bodies taken apart into one topic per body; ``messages`` of the wanted ones as
     (receiving time [ns, Unix], message); ``broken`` is a sentence where not all could be read; ``unreadable`` counts
-    messages that could not be decoded; ``undefined``: topics whose message type the bag does not define, and
-    nobody knows; ``assumed``: those that are read by a definition of ours; ``listed``: how a topic lists bodies."""
+    messages that could not be decoded; ``undefined``: topics with an unknown message type that the bag does not
+    define; ``assumed``: those that are read by a definition of ours; ``listed``: how a topic lists bodies."""
 
     topics: dict[str, Topic] = field(default_factory=dict)
     messages: dict[str, list[tuple[int, Any]]] = field(default_factory=dict)
@@ -131,8 +131,8 @@ def _span_ns(path: Path, tolerant: bool) -> tuple[int, int]:
 def _read_or_mended(data: bytes, place: str, use: Callable[[Path, bool], Found]) -> tuple[Found, str]:
     """``use(path, tolerant)`` of the bag or, where that fails, of its whole part; why it failed, else empty.
 
-    rosbags reads from files: the bytes go through a temporary one, so that archives are no special case and nothing is
-    ever written beside the recording.
+    rosbags reads from files, so the bytes go through a temporary one. Archives are thus no special case, and the
+    folder of the recording is never written to.
     """
     try:
         import rosbags.highlevel as _  # noqa: F401
@@ -144,7 +144,7 @@ def _read_or_mended(data: bytes, place: str, use: Callable[[Path, bool], Found])
         path.write_bytes(data)
         try:
             return use(path, False), ""
-        except Exception as error:  # whatever damage makes of a parser
+        except Exception as error:  # damage can make a parser raise anything
             first = _line(error, folder)
         mended = Path(folder) / f"mended{suffix}"
         try:

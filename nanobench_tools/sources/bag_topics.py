@@ -16,7 +16,7 @@ WANTED = frozenset("""
     setpoint setpoints sp target targets reference ref desired des goal goals command commands cmd plan
     planned planner waypoint waypoints trajectory path initialpose initial
     """.split())  # noqa: SIM905
-"""Words of a topic that is asked for, and not where the vehicle is."""
+"""Words of a topic with commanded positions, not measured ones."""
 TRACKED = frozenset("""
     vrpn vicon optitrack natnet mocap qualisys qtm motive motion capture tracker tracking truth
     groundtruth gt leica phasespace nokov poses rigid bodies vision external gazebo model models
@@ -35,7 +35,7 @@ AUTOPILOT = frozenset("""
 OTHER_SENSOR = frozenset("""
     camera cam realsense d435 d435i d455 t265 zed livox ouster lidar velodyne laser phone
     """.split())  # noqa: SIM905
-"""Words of a device with an inertial sensor of its own."""
+"""Words of a device with a separate inertial sensor."""
 RAW = frozenset({"raw"})
 FUNCTION = WANTED | TRACKED | ESTIMATED | AUTOPILOT | OTHER_SENSOR | RAW | frozenset("""
     imu data pose position orientation attitude twist velocity vel accel acceleration battery status

@@ -34,8 +34,8 @@ def twist_in_world(velocity: np.ndarray, messages: Sequence[Any], time_ns: np.nd
 
 
 def _error_m_s(velocity: np.ndarray, place: np.ndarray, time_s: np.ndarray) -> float:
-    """Median difference between ``velocity`` and what the path moves by in ``STEP_S``, in its faster half; 0 where
-    it is too short."""
+    """Median difference between ``velocity`` and the motion of the path in ``STEP_S``, in its faster half. It is 0
+    where the path is too short."""
     step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
     rows = round(STEP_S / step) if step > 0.0 else 0
     rows = max(rows, 1)

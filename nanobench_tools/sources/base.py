@@ -23,11 +23,11 @@ MAX_FINDINGS = 50
 class Source(Protocol):
     """A file format.
 
-    ``version`` is raised whenever the same bytes would give another Flight; with the code of this package it is part
+    ``version`` is raised whenever the same bytes would give another Flight. With the code of this package it is part
     of the key of the cache.
-    ``recognises`` decides from the first bytes of the unpacked content alone. ``read`` gets the whole unpacked
-    content and the sheet that belongs to it, if any, and raises InputError when there is no recording in it; its
-    ``path`` is for messages and for the label of the flight.
+    ``recognises`` decides from the first bytes of the unpacked content alone. ``read`` gets the whole unpacked content
+    and the sheet that belongs to it, if any, and raises InputError without a recording in it. Its ``path`` is for
+    messages and for the label of the flight.
     """
 
     @property

@@ -90,7 +90,7 @@ def store(entry: Path, flight: Flight) -> None:
 
 
 def fetch(entry: Path, path: str, sha256: str) -> Flight | None:
-    """The flight of an entry, or None when there is none or it is damaged."""
+    """The flight of an entry, or None if the entry is missing or damaged."""
     if not entry.is_file():
         return None
     try:

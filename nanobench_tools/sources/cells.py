@@ -25,8 +25,8 @@ EMPTY_CELLS = ("", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null", "NULL", "No
 
 @dataclass
 class BadCells:
-    """Cells of one column without a number: ``rows`` (m,) indices into the Grid; ``empty`` (m,) bool: nothing stands
-    there at all; ``what`` describes the first few by row."""
+    """Cells of one column without a number: ``rows`` (m,) indices into the Grid; ``empty`` (m,) bool: cells without
+    text; ``what`` describes the first few by row."""
 
     rows: np.ndarray
     empty: np.ndarray
@@ -45,8 +45,8 @@ class LostRow:
 @dataclass
 class Grid:
     """Columns of numbers. ``lines`` (n,) is the line of the file each row came from; ``rows_in_file`` counts lost
-    rows too; ``empty`` are columns without any cell filled, ``text`` columns that hold text, ``repeated`` names that
-    came twice (the first is kept); ``decimals`` the digits printed behind the point per column (the last line's);
+    rows too; ``empty`` are columns without any cell filled, ``text`` columns that hold text. ``repeated`` are names
+    that came twice (the first is kept); ``decimals`` the digits printed behind the point per column (the last line's);
     ``units`` those of a row of units."""
 
     columns: dict[str, np.ndarray]
@@ -137,7 +137,7 @@ def _fast(opened: Opened, numeric: set[str], time: str | None) -> Grid | None:
             grid.empty.append(name)
             continue
         if not (pa.types.is_floating(kind) or pa.types.is_integer(kind)):
-            return None  # text somewhere in a column: the exact path tells a bad cell from a column of text
+            return None  # text somewhere in a column: the exact path separates a bad cell from a column of text
         _note_unreadable(grid, name, column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False), column,
                          np.inf if name == time else GIGANTIC)
     grid.decimals = decimals_of(body[-(1 << 16) :].rstrip(b"\n").rpartition(b"\n")[2], columns, dialect)
@@ -159,7 +159,7 @@ def _note_unreadable(grid: Grid, name: str, values: np.ndarray, column: pa.Array
 
 
 def describe_cell(cell: str) -> str:
-    """What stands where a number belongs, printable and short."""
+    """The text of a cell that should be a number, printable and short."""
     if cell.strip() in EMPTY_CELLS:
         return "an empty cell" if not cell.strip() else f"no number ({cell.strip()})"
     shown = "".join(c if c.isprintable() else "?" for c in cell[:20]) + ("..." if len(cell) > 20 else "")
@@ -181,7 +181,7 @@ def parse_number(cell: str, decimal: str = ".", limit: float = GIGANTIC) -> floa
 
 
 def numbers(cells: Sequence[str], decimal: str = ".", limit: float = GIGANTIC) -> tuple[np.ndarray, BadCells | None]:
-    """(n,) numbers of a column of text, NaN where there is none, and the list of those cells."""
+    """(n,) numbers of a column of text, NaN elsewhere, and the list of the other cells."""
     values = np.array([parse_number(c, decimal, limit) for c in cells])
     wrong = np.flatnonzero(np.isnan(values)).tolist()
     if not wrong:

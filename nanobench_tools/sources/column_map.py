@@ -85,15 +85,15 @@ class Entry:
 
     @property
     def field(self) -> str:
-        """What stands behind the topic."""
+        """Field behind the topic."""
         return self.column.partition(".")[2]
 
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """``time`` is an Entry of stream ``""``, ``time_rest`` a second column that is added to it (nanoseconds beside
-    seconds), ``rate_hz`` turns numbers of frames into seconds; ``frames``: stream -> the axes it was recorded in;
-    vehicle as found; ``digest`` of the file's bytes keys the cache."""
+    """``time`` is an Entry of stream ``""``. A second column ``time_rest`` is added to it (nanoseconds to seconds);
+    ``rate_hz`` turns numbers of frames into seconds; ``frames``: stream -> the axes it was recorded in; vehicle as
+    found; ``digest`` of the file's bytes keys the cache."""
 
     path: str
     time: Entry
@@ -147,7 +147,7 @@ class _Reader:
         return InputError(f"{self.path}: line {self._line(key)}, {key}", found, advice)
 
     def _line(self, key: str) -> int:
-        """Line of a dotted key: the table header it stands under, then the key itself."""
+        """Line of a dotted key: the table header above it, then the key itself."""
         section, _, last = key.rpartition(".")
         here, best = "", 1
         for number, line in enumerate(self.lines, start=1):

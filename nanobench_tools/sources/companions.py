@@ -1,4 +1,4 @@
-"""Files that lie beside recordings and are none: sheets apart, licences, read-mes, configurations, results."""
+"""Files next to recordings that are no recordings: sheets apart, licences, read-mes, configurations, results."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ def looks_like_dates(cells: Sequence[str]) -> bool:
 
 
 def seconds_of_dates(cells: Sequence[str]) -> np.ndarray:
-    """(n,) s since 1970, or since midnight for a time of day (a later midnight is counted on); NaN where there is none.
+    """(n,) s since 1970, or since midnight for a time of day (a later midnight is counted on); NaN without one.
 
     A date without a zone is read as UTC.
     """

@@ -1,8 +1,8 @@
-"""What was flown, from the recording itself, for files without a sheet.
+"""The flown path, from the recording itself, for files without a sheet.
 
-The reference curves of the benchmark are short sums of harmonics of one frequency, flown at a steady rate; each
-family uses its own set of harmonics per axis. All families are fitted over a grid of frequencies; the verdict is the
-one that fits clearly better than any other, or none.
+The reference curves of the benchmark are short sums of harmonics of one frequency, flown at a steady rate. Each family
+uses its own set of harmonics per axis. All families are fitted over a grid of frequencies; the verdict is the one that
+fits clearly better than any other, or none.
 """
 
 from __future__ import annotations
@@ -84,8 +84,9 @@ class Curve:
     """Harmonics of x, y, z; ``climbs``: z also has a slope. Circle, oval and helix share one and are distinguished
     after.
 
-    residual: the largest share of the curve's spread that may be left; turns: how much of the first harmonic must be
-    seen, since a short piece of one curve looks like a piece of another.
+    residual: the largest share of the curve's spread that may remain.
+
+    turns: how much of the first harmonic must be seen, since a short piece of one curve looks like a piece of another.
     """
 
     family: str
@@ -107,7 +108,7 @@ CURVES = (
 
 
 def describe(flight: Flight) -> dict[str, Any]:
-    """``family``, ``speed`` (slow, medium, fast), ``reference_speed_m_s``; None where the content does not tell."""
+    """``family``, ``speed`` (slow, medium, fast), ``reference_speed_m_s``; None where the content is ambiguous."""
     path = _streamed(flight)
     if path is None:
         return dict(UNKNOWN)

@@ -61,7 +61,7 @@ class Loaded:
 
 
 def default_data() -> list[Path] | None:
-    """Where recordings are looked for: $NANOBENCH_DATA, ./data, ../shared/data/nanobench; None when there are none."""
+    """Where recordings are looked for: $NANOBENCH_DATA, ./data, ../shared/data/nanobench; None without any."""
     if place := os.environ.get("NANOBENCH_DATA"):
         return [Path(p) for p in place.split(os.pathsep) if p]
     for folder in (Path("data"), Path("..") / "shared" / "data" / "nanobench"):
@@ -71,7 +71,7 @@ def default_data() -> list[Path] | None:
 
 
 def sources(columns: Path | None = None) -> dict[str, Source]:
-    """Registered sources by name; with a column map the user's own table is asked first."""
+    """Registered sources by name; with a column map the user's own table comes first."""
     found = {name: (kind() if isinstance(kind, type) else kind) for name, kind in load_all("sources").items()}
     if columns is None:
         return found
@@ -178,7 +178,7 @@ def _span_of(path: Path) -> tuple[float, float] | None:
 
 
 def _name_bad_sheets(failed: list[dict[str, str]], recordings: Sequence[Path]) -> None:
-    """A YAML file that nobody recognised, but lies where the sheet of a recording should, is told to be a bad sheet."""
+    """An unrecognised YAML file in the place of a recording's sheet is reported as a bad sheet."""
     for entry in failed:
         path = Path(entry["path"])
         strange = entry["error"].startswith(f"{path}: {STRANGE}")
@@ -187,7 +187,7 @@ def _name_bad_sheets(failed: list[dict[str, str]], recordings: Sequence[Path]) -
 
 
 def _sheets_beside(places: Sequence[Path], files: set[Path], known: Sequence[Sheet]) -> list[Sheet]:
-    """Sheets in the folders of files that were named one by one: what they say belongs to the recording as well."""
+    """Sheets in the folders of files that were given one by one; their content belongs to the recording as well."""
     folders = {path.parent for path in places if path in files}
     seen = {sheet.path for sheet in known}
     found = []
@@ -197,7 +197,7 @@ def _sheets_beside(places: Sequence[Path], files: set[Path], known: Sequence[She
                 if str(path) not in seen and path.is_file() and looks_like_sheet(head(path)):
                     found.append(parse_sheet(str(path), unpack(read_file(path), str(path)).data))
             except NanobenchError:
-                continue  # nobody asked for this file; the recording is read without it
+                continue  # the user did not give this file; the recording is read without it
     return found
 
 
@@ -304,7 +304,7 @@ def load_recordings(paths: Sequence[Path | str], columns: Path | None = None, ca
     """Read every recording below ``paths``; the result does not depend on ``jobs`` or on the file system.
 
     ``columns`` is a column map for the user's own tables. ``progress(done, all, path)`` is called after each file.
-    Raises InputError for a place that does not exist, holds nothing, or a bad column map; a file that cannot be read
+    Raises InputError for a place that does not exist or is empty, and for a bad column map. A file that cannot be read
     is listed in ``failed``.
     """
     recordings, failed = find_recordings(paths, columns)

@@ -1,7 +1,7 @@
 """Values of 16 bits that the firmware halved, and their doubling.
 
-Before release 2026.08 the Crazyflie's rounding to half precision lost a carry: what lies less than half a digit below
-0.125, 0.5, 2, 8 ... was written as half of that: a lone 1.0 between values of 2.0.
+Before release 2026.08 the Crazyflie's rounding to half precision lost a carry. Values less than half a digit below
+0.125, 0.5, 2, 8 ... were written as half of that: a lone 1.0 between values of 2.0.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ NEAR = (1.6, 2.5)
 def halved(values: np.ndarray) -> np.ndarray:
     """(n,) bool: values of one variable, a power of four in size, whose neighbours of both sides are near its double.
 
-    A run of equal values is judged by what stands before and after it.
+    A run of equal values is judged by the values before and after it.
     """
     size = np.abs(values)
     suspects = np.isin(size, 4.0 ** np.arange(LOWEST, HIGHEST + 1))

@@ -1,4 +1,4 @@
-"""Where the line of names of a text table stands: not always first, and not always alone.
+"""The place of the line of names in a text table: not always first, and not always alone.
 
 Above it may stand ``sep=;`` (Excel), comments and prose; it may itself begin with ``#`` or ``%``; a row of units may
 follow it. A line is taken for the names where a row of numbers with as many cells follows; else the first line is.
@@ -142,8 +142,11 @@ def header_of(head: bytes) -> tuple[list[str], Dialect]:
 
 @dataclass(frozen=True)
 class Opened:
-    """A table cut at its header: ``body`` the rows, ``columns`` unique names, ``repeated`` those that came twice,
-    ``units`` by column where a row of units is there, ``first_line`` the number of the first row's line."""
+    """A table cut at its header.
+
+    - ``body``: the rows; ``columns``: unique names; ``repeated``: those that came twice.
+    - ``units``: by column if the table has a row of units.
+    - ``first_line``: the number of the first row's line."""
 
     body: bytes
     columns: list[str]

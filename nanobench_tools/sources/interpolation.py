@@ -1,7 +1,7 @@
-"""Which rows of a resampled stream carry no packet of their own, and how many packets there were.
+"""Which rows of a resampled stream carry no packet, and how many packets there were.
 
-A resampler that interpolates linearly leaves rows on straight chords between packets. Row i lies on the chord
-of rows i-1 and i+1 in every column, and changes, only when no packet arrived between them (the chord test).
+A resampler that interpolates linearly leaves rows on straight chords between packets. Row i lies on the chord of rows
+i-1 and i+1 in every column, and changes, only without a packet between them (the chord test).
 """
 
 from __future__ import annotations
@@ -47,10 +47,10 @@ def carries_no_packet(time_s: np.ndarray, values: np.ndarray,
                       resolution: np.ndarray | float | None = None) -> np.ndarray:
     """(n,) bool: row i is on the chord of its neighbours in all columns, and changes.
 
-    time_s (n,) s, values (n, k) any unit; ``resolution`` (k,) is the value of the last printed digit in the same
-    unit (an interpolated row is then off its chord by at most two such digits); without it a share of the range of
-    the middle 96 % is used. A row that equals its neighbours tells nothing and is False; so is the first, the
-    last, one beside NaN or beside a time that does not advance.
+    time_s (n,) s, values (n, k) any unit; ``resolution`` (k,) is the value of the last printed digit in the same unit.
+    An interpolated row is then off its chord by at most two such digits. Without it, a share of the range of the
+    middle 96 % is used. A row that equals its neighbours carries no information and is False. So are the first and the
+    last row, and rows next to NaN or to a time that does not advance.
     """
     return np.asarray(_on_chord(time_s, values, resolution) & _moved(values))
 
@@ -66,10 +66,10 @@ class Packets:
 def count_packets(time_s: np.ndarray, values: np.ndarray, resolution: np.ndarray | float | None = None) -> Packets:
     """How many packets a resampled stream was made of, never more than its rows. Arguments as above.
 
-    Rows between two packets come in blocks of m: m >= 3 shows as a run of m - 2 rows on a chord, m = 2 cannot be
-    told from m = 1 row by row, so their number is continued from the longer runs as a geometric series. Stretches
-    in which nothing changes tell nothing and count with the rate of the rest; a straight line to the end of the
-    recording is no packet at all.
+    Rows between two packets come in blocks of m. A run of m - 2 rows on a chord shows m >= 3. Row by row, m = 2 is
+    indistinguishable from m = 1, so their number is continued from the longer runs as a geometric series. Constant
+    stretches carry no information and count with the rate of the rest. A straight line to the end of the recording is
+    no packet at all.
     """
     n = len(time_s)
     end = float(time_s[-1]) if n else float("nan")
@@ -99,8 +99,8 @@ def count_packets(time_s: np.ndarray, values: np.ndarray, resolution: np.ndarray
 def count_changes(values: np.ndarray) -> int | None:
     """How many values a stream holds that was written faster than it changes (last value repeated).
 
-    values (n, k). Rows that repeat the row before count as one value with it; standstills longer than five usual
-    steps tell nothing and count with the rate of the rest. None when nothing ever changes.
+    values (n, k). Rows that repeat the row before count as one value with it. Standstills longer than five usual steps
+    carry no information and count with the rate of the rest. None when nothing ever changes.
     """
     steps = np.diff(np.flatnonzero(_moved(values)))
     if not len(steps):

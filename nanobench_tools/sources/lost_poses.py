@@ -24,8 +24,8 @@ FEWEST_ROWS = 100
 
 
 def without_placeholders(flight: Flight) -> Flight:
-    """The flight with NaN where its motion capture holds placeholders, and a note that says so; with a finding where no
-    attitude was sent, and without an attitude of zeros; itself without either."""
+    """The flight with NaN in place of placeholders in its motion capture, and a note. With a finding where no attitude
+    was sent, and without an attitude of zeros. The flight itself without either."""
     flight = _without_unsent_attitude(flight)
     stream = flight.streams.get("mocap")
     if stream is None or not len(rows := np.flatnonzero(placeholders(stream))):
@@ -66,9 +66,12 @@ def _without_unsent_attitude(flight: Flight) -> Flight:
 def placeholders(stream: Stream) -> np.ndarray:
     """(n,) bool: rows of a pose stream that hold a placeholder.
 
-    A placeholder is a position of zeros that is apart from the poses on either side; another position that repeats
-    exactly while the poses before and after are nearer to each other than to it; or an identity rotation that is apart
-    from those on either side.
+    A placeholder is one of three:
+
+    - a position of zeros that is apart from the poses on either side;
+    - another position that repeats exactly while the poses before and after are nearer to each other than to it;
+    - an identity rotation that is apart from those on either side.
+
     """
     lost = np.zeros(len(stream), dtype=bool)
     if len(stream) < 3 or not all(q in stream for q in POSITION):

@@ -35,8 +35,12 @@ FULL_TURN_DEG = 360.0
 
 @dataclass(frozen=True)
 class Export:
-    """program, body; columns of position (3,) and attitude (4, 9, 3 or none) by place, ``turn`` one of quaternion,
-    matrix, euler; length: m per unit; time: place of seconds, else of frames, with their rate; first: row of data."""
+    """Layout of an export.
+
+    - program, body.
+    - columns of position (3,) and attitude (4, 9, 3 or none) by place; ``turn``: one of quaternion, matrix, euler.
+    - length: m per unit.
+    - time: place of seconds, else of frames, with their rate; first: row of data."""
 
     program: str
     bodies: tuple[str, ...]
@@ -66,7 +70,7 @@ class MocapExport:
         export = {"Motive": _motive, "Qualisys": _qualisys, "Vicon": _vicon}[_program(data)](rows, place)
         if len(export.bodies) != 1:
             raise InputError(place, f"an export of {export.program} with {len(export.bodies)} rigid bodies "
-                             f"({', '.join(export.bodies)})", "export one of them to a file of its own")
+                             f"({', '.join(export.bodies)})", "export one of them to a separate file")
         decimal = "," if any("," in cell for row in rows[export.first:export.first + 20] for cell in row) else "."
         wanted = (export.time, *export.position, *export.attitude)
         cells = np.array([[parse_number(row[k].strip(), decimal) if k < len(row) else np.nan for k in wanted]
@@ -215,7 +219,7 @@ def _rate(text: str, place: str) -> float:
 
 
 def _check_turns(cells: np.ndarray, export: Export, place: str) -> None:
-    """InputError for rotations that are none: a unit quaternion, a rotation matrix or angles within a turn."""
+    """InputError for invalid rotations: valid are a unit quaternion, a rotation matrix or angles within a turn."""
     there = cells[np.isfinite(cells).all(axis=1) & cells.any(axis=1)] if cells.size else cells
     if not there.size:
         return

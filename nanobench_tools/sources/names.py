@@ -28,7 +28,8 @@ def split_names(line: str) -> list[tuple[str, str]]:
 
 
 def quantity_of(name: str) -> tuple[str | None, str]:
-    """time, px .. pz, qx .. qw or None for a column, and the unit that its name ends in (``timestamp_ns``), or ""."""
+    """time, px .. pz, qx .. qw or None for a column, and the unit that its name ends in (``timestamp_ns``). Without a
+    unit it is ""."""
     name = name.strip().lower()
     if name in _OF:
         return _OF[name], ""

@@ -1,7 +1,7 @@
 """NanoBench CSV with its ``_metadata.yaml`` (plain, gzip or xz).
 
-Every stream stands on the stamps of the motion capture: the firmware's packets were interpolated onto them. How
-many packets there really were comes from ``row_counts`` of the sheet, else from the chord test.
+Every stream has the timestamps of the motion capture: the firmware's packets were interpolated onto them. How many
+packets there really were comes from ``row_counts`` of the sheet, else from the chord test.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class NanoBench:
         shared = [n for n in names if n in KNOWN]
         if len(shared) < FEWEST_NAMES or not MARKS.isdisjoint(shared):
             return None
-        return f"{listed(shared)} may be a NanoBench CSV's, but no name stands there that only that format has"
+        return f"{listed(shared)} may be a NanoBench CSV's, but has no column name that only that format has"
 
     def read(self, path: Path, data: bytes, sheet: Sheet | None = None) -> Flight:
         grid = read_grid(data, str(path), numeric=KNOWN)
@@ -86,8 +86,8 @@ class NanoBench:
 
 
 def _check_pose(grid: Grid, place: str) -> None:
-    """InputError for ``qx``, ``vx`` ... of which nothing says that they are the motion capture's: the vehicle's own
-    estimate is called the same elsewhere."""
+    """InputError for ``qx``, ``vx`` ... that are not marked as those of the motion capture. In other formats the
+    vehicle's own estimate has the same names."""
     names = (*grid.columns, *grid.empty, *grid.text)
     doubtful = [n for n in PLAIN_POSE if n in names]
     if doubtful and not all(n in names for n in POSITION) and not any(n.endswith("_vicon") for n in names):
@@ -160,7 +160,7 @@ def _streams(grid: Grid, time_s: np.ndarray, kept: np.ndarray) -> tuple[dict[str
     for column in grid.repeated:
         faults.append(
             text_fault("extra_column", next((s for s, cs in STREAMS.items() if column in [c.name for c in cs]), ""),
-                       (column,), f"column {column} stands there more than once; the first was read", span, 1.0,
+                       (column,), f"column {column} appears more than once; the first was read", span, 1.0,
                        "columns")
         )
     return streams, faults

@@ -62,8 +62,8 @@ STREAMS: dict[str, tuple[Column, ...]] = {
 }
 
 MARKS = frozenset(c.name for c in COLUMNS if c.stream not in ("mocap", "imu") or c.name.endswith("_vicon"))
-"""Names that no other format has: log groups of the vehicle behind a prefix, and what says ``vicon``. The others
-(``t``, ``qx``, ``vx``, ``imu_acc_x`` ...) anybody may choose, for numbers in other units and of other sources."""
+"""Names that no other format has: log groups of the vehicle behind a prefix, and what says ``vicon``. Other files may
+use the remaining names (``t``, ``qx``, ``vx``, ``imu_acc_x`` ...) for numbers in other units and of other sources."""
 
 PLAIN_POSE = tuple(c.name for c in COLUMNS if c.stream == "mocap" and c.name not in MARKS)
 POSITION = ("px", "py", "pz")
@@ -73,7 +73,7 @@ ROW_COUNT_KEYS = {"mocap": "vicon", "pid": "pid_output", "battery": "power"}
 
 
 def units_of(columns: tuple[Column, ...]) -> tuple[str, ...]:
-    """SI units of the columns as they stand in a Stream."""
+    """SI units of the columns, as in a Stream."""
     return tuple(STREAM_QUANTITIES[c.stream][c.quantity][0] for c in columns)
 
 

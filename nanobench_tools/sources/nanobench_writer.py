@@ -1,4 +1,4 @@
-"""Back to the NanoBench format: CSV with 9 decimals and a ``_metadata.yaml`` beside it."""
+"""Back to the NanoBench format: CSV with 9 decimals and a ``_metadata.yaml`` in the same folder."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _umask() -> int:
 
 
 def sheet_path(path: Path) -> Path:
-    """Where the sheet of a CSV stands: ``x.csv.xz`` -> ``x_metadata.yaml``."""
+    """The sheet of a CSV: ``x.csv.xz`` -> ``x_metadata.yaml``."""
     stem = path.name
     for suffix in SUFFIXES:
         stem = stem.removesuffix(suffix)
@@ -60,8 +60,8 @@ def sheet_path(path: Path) -> Path:
 def write_nanobench(flight: Flight, path: str | Path) -> Path:
     """Write CSV (``.xz`` and ``.gz`` are packed) and sheet; returns the path of the CSV.
 
-    Rows are the stamps of the motion capture (else of the stream with the most rows). Streams on other stamps are
-    interpolated linearly onto them, as the format does, and left empty outside their span; quaternions keep the
+    Rows are the stamps of the motion capture (else of the stream with the most rows). Streams with other timestamps
+    are interpolated linearly onto them, as the format does, and left empty outside their span. Quaternions keep the
     sign of the sample before and unit length. All 52 columns are named, by which the file is known again; those of
     which the flight has nothing are empty. Reading the file again gives the same numbers to print rounding.
     """
@@ -124,7 +124,7 @@ def _pack(path: Path, data: bytes) -> bytes:
 
 
 def _sheet(flight: Flight, stamps: np.ndarray) -> dict[str, Any]:
-    """The sheet's own keys as they came, and what can be said of any flight."""
+    """The sheet's own keys as they came, and the entries that every flight has."""
     meta = flight.metadata
     counts = {
         ROW_COUNT_KEYS.get(n, n): int(s.samples if s.samples is not None else len(s))

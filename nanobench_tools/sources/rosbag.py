@@ -1,10 +1,10 @@
 """ROS 1 and ROS 2 bags (.bag, .db3, .mcap), read through rosbags (extra ``rosbag``).
 
-Without a column map the common types are read by what their topics are for (``bag_choice``): the pose of a tracker is
-motion capture, a pose or Odometry of the vehicle its own estimate, a set-point never either. Several vehicles are
-several flights. With a map a quantity is ``/topic.field.path`` (a topic's name has no dot), lists by ``index``, one
-body of a list of poses ``/topic:body.field.path``; or a stream is a topic: ``[streams] mocap = "/topic"``.
-ROS has our axes (x forward, y left, z up; specific force +9.81 at rest).
+Without a column map the common types are read by the purpose of their topics (``bag_choice``). The pose of a tracker
+is motion capture, a pose or Odometry of the vehicle its own estimate, a set-point never either. Several vehicles are
+several flights. With a map a quantity is ``/topic.field.path`` (a topic's name has no dot), and lists are read by
+``index``. One body of a list of poses is ``/topic:body.field.path``. A stream may also be a topic: ``[streams] mocap =
+"/topic"``. ROS has our axes (x forward, y left, z up; specific force +9.81 at rest).
 """
 
 from __future__ import annotations

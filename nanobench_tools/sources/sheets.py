@@ -1,4 +1,4 @@
-"""The metadata sheet of a recording (YAML): what it says, normalised, and which recording it belongs to.
+"""The metadata sheet of a recording (YAML): its content, normalised, and the recording it belongs to.
 
 A sheet belongs to a recording by time, not by name: the recording starts in the second the sheet names as its
 start. A slice of a recording lies inside the interval of its sheet, and takes everything from it but the counts.
@@ -55,7 +55,7 @@ class Sheet:
 
 
 def looks_like_sheet(head: bytes) -> bool:
-    """At least two of the MARKS stand at the start of a line."""
+    """At least two of the MARKS are at the start of a line."""
     return len(set(_MARK_LINE.findall(head))) >= 2
 
 
@@ -125,7 +125,7 @@ def _number(value: object) -> float | None:
 def may_hold(sheet: Sheet, path: Path, first_s: float | None) -> bool:
     """Whether ``sheet`` can be about a recording at ``path`` whose first row is at ``first_s`` (Unix s, None: unknown).
 
-    A sheet without times can only be the one beside its CSV.
+    A sheet without times can only belong to the CSV in its folder.
     """
     if sheet.start_s is None:
         return lies_beside(Path(sheet.path), path)
@@ -138,8 +138,8 @@ def choose_sheet(sheets: Iterable[Sheet], path: Path, time_unix_s: np.ndarray,
                  rows: int | None) -> tuple[Sheet | None, bool]:
     """The sheet of a recording with these times (n,) [Unix s], and whether it is its own or that of a longer recording.
 
-    It is its own when the recording starts in the second the sheet gives (or the sheet gives none and lies beside
-    the CSV). The middle 90 % of the rows must lie in the interval, so that single bad stamps do not matter. Among
+    It belongs to the recording that starts in the second the sheet gives. A sheet without a start belongs to the CSV
+    in its folder. The middle 90 % of the rows must lie in the interval, so that single bad stamps do not matter. Among
     several the number of rows decides, then the later start; only then where the sheet lies.
     """
     if not len(time_unix_s):
@@ -169,7 +169,7 @@ def lies_beside(sheet: Path, path: Path) -> bool:
 
 
 def why_bad(path: Path) -> str:
-    """What is wrong with a file that lies where a sheet should: one line, as of an InputError."""
+    """Error of a file in the place of a sheet: one line, as of an InputError."""
     try:
         parse_sheet(str(path), unpack(read_file(path), str(path)).data)
     except InputError as error:

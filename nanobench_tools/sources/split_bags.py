@@ -1,7 +1,7 @@
 """Bag files that are parts of one recording: rosbag2 folders of several files, and files that a recorder numbered.
 
 A metadata.yaml of rosbag2 lists the parts. Without one, numbered names alone prove nothing (``flight_0.bag`` and
-``flight_1.bag`` may be two flights): the messages of a part must begin where those of the part before end.
+``flight_1.bag`` may be two flights). The messages of a part must begin where those of the part before end.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Thrust-stand tables: PWM, battery voltage, rotor speed and thrust of settled operating points, one per row.
 
-Headers differ; units stand in brackets behind the name (``vbat[V]``, ``thrust[g]``). What the load cell shows is
-carried in newton as found, its zero included: nothing is subtracted. The rows have no time.
+Headers differ; units are in brackets behind the name (``vbat[V]``, ``thrust[g]``). What the load cell shows is carried
+in newton as found, its zero included: nothing is subtracted. The rows have no time.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Heading:
 
 @functools.cache
 def _names() -> dict[str, tuple[Known, ...]]:
-    """Name in the table of stands -> what it gives."""
+    """Name in a thrust-stand table -> stream and quantities."""
     found: dict[str, tuple[Known, ...]] = {}
     for known in ecosystem("stand").names:
         found[known.name] = (*found.get(known.name, ()), known)
@@ -107,7 +107,7 @@ class ThrustStand:
         names = header_of(head)[0]
         if not is_a_stand(names) or not (flown := _of_a_flight(names)):
             return None
-        return f"a thrust stand's rows are settled points without a time or a pose, and here is {listed(flown)}"
+        return f"rows of thrust-stand tables are settled points without a time or a pose, and here is {listed(flown)}"
 
     def read(self, path: Path, data: bytes, sheet: Sheet | None = None) -> Flight:
         known = [h for h in map(heading, dict.fromkeys(header_of(data[: 1 << 16])[0])) if h]
@@ -138,13 +138,13 @@ class ThrustStand:
         faults += [text_fault("missing_column", "", (c,), f"column {c} has no value in it", span, 1.0, "columns")
                    for c in grid.empty]
         faults += [
-            text_fault("extra_column", "", (c,), f"column {c} stands there more than once; the first was read", span,
+            text_fault("extra_column", "", (c,), f"column {c} appears more than once; the first was read", span,
                        1.0, "columns")
             for c in grid.repeated
         ]
         if grid.truncated:
             faults.append(text_fault("truncated", "", (), grid.truncated, (span[1], span[1]), 1.0, "rows"))
-        notes = (*grid.notes, "rows have no time: their numbers stand in for seconds",
+        notes = (*grid.notes, "rows of a stand file have no time: their numbers replace seconds",
                  "thrust is what the load cell shows, zero offset included, of "
                  + ("one motor" if len(streams["motor"].quantities) == 1 else "all motors together"))
         return Flight(path.name, streams, {"family": None, "speed": None, "reference_speed_m_s": None, "kind": "stand"},
@@ -152,14 +152,14 @@ class ThrustStand:
 
 
 def is_a_stand(names: Sequence[str]) -> bool:
-    """Whether columns are those of a stand: a command, and a thrust or a rotor speed."""
+    """Whether the columns are those of a stand file: a command, and a thrust or a rotor speed."""
     known = [h for h in map(heading, names) if h]
     return any(h.stream == "motor" for h in known) and any(h.stream == "rpm" or "thrust" in h.quantities for h in known)
 
 
 def _of_a_flight(names: list[str]) -> list[str]:
-    """Columns of time and pose: a log of a flight may well hold PWM and rotor speed. A time beside the command of one
-    motor and a force with its unit is a stand's."""
+    """Columns of time and pose: a log of a flight may well hold PWM and rotor speed. A table with a time, the command
+    of one motor and a force with its unit is a stand file, too."""
     flown = [(n, quantity_of(match[1])[0]) for n in names
              if (match := _HEADER.fullmatch(n)) and quantity_of(match[1])[0] is not None]
     known = [h for h in map(heading, names) if h]

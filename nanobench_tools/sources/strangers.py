@@ -1,6 +1,6 @@
-"""What is said of a file that no source reads: its columns as they were seen, and what to do.
+"""Message for a file that no source reads: the columns found, and what to do.
 
-A file that only looks like one of a format is refused, never read as it: a source that knows why adds a sentence
+A file that only looks like one of a format is refused, never read as it. A source that knows why adds a sentence
 (``Doubtful``).
 """
 
@@ -25,7 +25,8 @@ PARQUET_MAGIC = b"PAR1"
 
 @runtime_checkable
 class Doubtful(Protocol):
-    """A source that can say why a file which looks like one of its own is none; None for any other file."""
+    """A source that can give the reason why a file which looks like one of its format is not one; None for any other
+    file."""
 
     def why_not(self, head: bytes) -> str | None: ...
 

@@ -1,7 +1,7 @@
 """A user's own table, CSV or Parquet, read through a column map (``column_map``).
 
-A stream stands on the rows in which it has a value: empty cells are no samples and no fault, text is one. Cells may
-hold lists; ``index`` picks an element.
+A stream has the rows in which it has a value: empty cells are no samples and no fault, text is one. Cells may hold
+lists; ``index`` picks an element.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ import numpy as np
 LATEST_S = 4.2e9
 """Unix time of the year 2103."""
 LONGEST_STEP_S = 1.0
-"""Between rows of a recording of a vehicle in flight: nothing can be said of one that was looked at more rarely."""
+"""Longest step between rows of a recording of a vehicle in flight; more widely spaced rows are not judged."""
 
 
 def not_seconds(stamps: np.ndarray, declared: bool = False) -> str | None:

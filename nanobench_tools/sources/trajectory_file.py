@@ -14,7 +14,7 @@ from .tum import TumTrajectory
 class TrajectoryFile:
     """``<flight>.tum``: lines of Unix time [s], position [m], quaternion x y z w. The method is the folder's name.
 
-    What it was given and whether it is causal is not known.
+    Its inputs and its causality are unknown.
     """
 
     causal = None

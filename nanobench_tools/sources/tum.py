@@ -1,6 +1,6 @@
 """TUM trajectories: lines of ``time x y z qx qy qz qw`` [s, m], blanks between, ``#`` begins a comment.
 
-A line of names above the poses is believed (``tum_layout``): order, units, columns that are none of these.
+A line of names above the poses is used (``tum_layout``): order, units, and other columns.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .tum_layout import POSE, Layout, look
 
 COLUMNS = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
 FEWEST_POSES = 2
-"""Of a file whose layout is doubtful, before it is said to look like a trajectory."""
+"""For a file of doubtful layout, before it is reported as similar to a trajectory."""
 
 
 class TumTrajectory:
@@ -74,7 +74,7 @@ def _first_lines(head: bytes) -> list[str]:
 
 
 def _seconds(cells: list[str], unit: str, place: str) -> tuple[np.ndarray, np.ndarray]:
-    """absolute (n,) s, nan where there is no number, and (n,) s since the first of them, subtracted before rounding:
+    """absolute (n,) s, nan without a number, and (n,) s since the first of them. They are subtracted before rounding:
     nanoseconds since 1970 have more digits than a float. InputError for times that are no seconds."""
     stated = numbers(cells, limit=np.inf)[0]
     absolute = stated * factor(unit or "s")
@@ -93,7 +93,7 @@ def _seconds(cells: list[str], unit: str, place: str) -> tuple[np.ndarray, np.nd
 
 
 def _grid(data: bytes, layout: Layout) -> tuple[Grid, list[str], tuple[str, ...]]:
-    """Numbers of the poses by column, the cells of their times, and columns that rows have beside them."""
+    """Numbers of the poses by column, the cells of their times, and further columns of the rows."""
     text = normalise_text(data).decode("utf-8", errors="replace")
     open_end = bool(text) and not text.endswith("\n")
     rows: list[list[str]] = []

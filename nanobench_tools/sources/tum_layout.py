@@ -23,8 +23,12 @@ NORM_TOLERANCE = 0.05
 
 @dataclass(frozen=True)
 class Layout:
-    """order (8,): which cell is time, px .. pz, qx .. qw; widths: numbers of cells a row may have; factors to s and m,
-    ``time_unit`` empty where the file does not say it; left: names of columns that are not read."""
+    """Layout of a trajectory file.
+
+    - order (8,): which cell is time, px .. pz, qx .. qw.
+    - widths: numbers of cells a row may have.
+    - factors to s and m, ``time_unit`` empty where the file does not state it.
+    - left: names of columns that are not read."""
 
     order: tuple[int, ...] = tuple(range(8))
     widths: tuple[int, ...] = (8,)
@@ -35,7 +39,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class Seen:
-    """What the beginning of a file says: ``layout``, or why there is none; ``poses`` of ``rows`` were unit poses."""
+    """Result for the beginning of a file: ``layout``, or why it has none; ``poses`` of ``rows`` were unit poses."""
 
     layout: Layout | None
     why: str

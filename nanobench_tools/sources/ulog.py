@@ -92,7 +92,7 @@ def _parse(data: bytes, place: str) -> Any:
     try:
         with _printing, contextlib.redirect_stdout(io.StringIO()):  # it prints what the findings say
             return ULog(io.BytesIO(data), [*topics_of(), *ulog_motors.TOPICS, *CLOCK_TOPICS])
-    except Exception as error:  # whatever damage makes of a parser
+    except Exception as error:  # damage can make a parser raise anything
         raise InputError(place, f"cannot be read as ULog ({type(error).__name__}: {error})",
                          "take another copy of the file") from None
 
@@ -131,7 +131,7 @@ def _notes(log: Any, streams: dict[str, Stream]) -> list[str]:
 
 
 def _damage(whole: Whole, log: Any, topics: dict[str, list[Topic]], end: float) -> list[Fault]:
-    """truncated and checksum: a log that ends inside a message, bytes that are none, stamps beyond any flight."""
+    """truncated and checksum: a log that ends inside a message, invalid bytes, timestamps beyond any flight."""
     faults = []
     if whole.cut:
         evidence = f"the log ends inside a message, {whole.cut} bytes after its last whole one"

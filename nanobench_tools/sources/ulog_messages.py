@@ -71,7 +71,7 @@ def _places(part: bytes, sizes: dict[bytes, int]) -> tuple[list[tuple[int, int]]
 
 
 def _appended(data: bytes) -> list[int]:
-    """Where data was appended behind a crash, as the first message says; what stands before may be a cut message."""
+    """Where data was appended after a crash, as the first message states; the bytes before it may be a cut message."""
     if len(data) < HEADER + 3 + 40 or _head(data, HEADER) != (40, 66) or not data[HEADER + 3 + 8] & 1:
         return []
     offsets = struct.unpack_from("<3Q", data, HEADER + 3 + 16)

@@ -106,7 +106,7 @@ def _order(count: int, parameters: Mapping[str, float], notes: list[str]) -> tup
         return PX4_QUAD_X
     corners = {(x > 0, y > 0): i for i, (x, y) in enumerate(where) if x and y}  # x forward, y to the right
     if len(corners) != 4:
-        notes.append("the rotors do not stand in an X: motors are in the order of the log")
+        notes.append("the rotors do not form an X: motors are in the order of the log")
         return tuple(range(4))
     return tuple(corners[c] for c in ((True, True), (False, True), (False, False), (True, False)))
 
@@ -153,9 +153,9 @@ def _rotors(topic: Topic, field: str, parameters: Mapping[str, float]) -> list[s
 
 
 def _outputs(topic: Topic, parameters: Mapping[str, float], low: float) -> list[list[str]]:
-    """Fields of one group of actuator_outputs that may drive the motors, in their order: by the functions that the
-    parameters give the outputs of a group, else those that move and are off for a while, which a servo never is, else
-    those that move."""
+    """Fields of one group of actuator_outputs that may drive the motors, in their order. First choice: the functions
+    that the parameters give the outputs of a group. Second: outputs that move and are off for a while, which a servo
+    never is. Else all that move."""
     found = []
     for group in OUTPUT_GROUPS:
         functions = {i: parameters.get(f"{group}_FUNC{i + 1}", 0) - FIRST_MOTOR_FUNCTION for i in range(16)}

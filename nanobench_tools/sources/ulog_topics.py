@@ -23,8 +23,8 @@ FARTHEST_STAMP_S = 1e5
 
 @dataclass(frozen=True)
 class Topic:
-    """One instance of a topic: ``fields`` (n,) each by flattened name, ``time_us`` (n,) since boot, ``lost`` rows whose
-    stamp was damage."""
+    """One instance of a topic: ``fields`` (n,) each by flattened name, and ``time_us`` (n,) since boot. ``lost`` rows
+    have a damaged timestamp."""
 
     name: str
     time_us: np.ndarray
@@ -32,7 +32,7 @@ class Topic:
     lost: int = 0
 
     def array(self, *names: str) -> np.ndarray | None:
-        """(n, k), or None when a field is not there, or none is named. What is no measurement becomes NaN."""
+        """(n, k), or None when a field is not there, or none is named. Values that are no measurement become NaN."""
         if not names or any(n not in self.fields for n in names):
             return None
         with np.errstate(invalid="ignore"):
@@ -41,7 +41,7 @@ class Topic:
 
 
 def topic_of(name: str, fields: dict[str, np.ndarray]) -> Topic | None:
-    """The rows of one logged topic, on the time of measuring where it was logged beside that of sending."""
+    """The rows of one logged topic, on the time of measuring if that was logged in addition to that of sending."""
     if "timestamp" not in fields or not len(fields["timestamp"]):
         return None
     time_us = fields["timestamp"].astype(np.float64)

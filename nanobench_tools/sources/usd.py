@@ -195,8 +195,8 @@ def _faults(fault: tuple[str, str] | None, end: float) -> tuple[Fault, ...]:
 
 
 def _streams(log: Log, filled: dict[int, np.ndarray], start: int, unit: float) -> tuple[dict[str, Stream], list[Fault]]:
-    """Every quantity once, and what is wrong with values: a stream comes from the event type that knows most of it, the
-    rest goes to extra."""
+    """Every quantity once, and faults of its values. A stream comes from the event type that has most of it; the rest
+    goes to extra."""
     plans = {i: ecosystem("crazyflie").assign(log.types[i].variables) for i in filled}
     owner: dict[str, int] = {}
     for i, plan in plans.items():
@@ -267,7 +267,7 @@ def _invalid(values: np.ndarray, quantities: dict[str, Known]) -> np.ndarray:
 
 
 def _numbers(records: np.ndarray, fields: list[str]) -> np.ndarray:
-    """(n, k) as logged; what is no measurement (not finite, gigantic) is NaN."""
+    """(n, k) as logged; values that are no measurement (not finite, gigantic) are NaN."""
     with np.errstate(invalid="ignore"):  # damaged floats may be signalling NaN
         values = np.stack([records[f].astype(float) for f in fields], axis=1)
     return np.where(np.abs(values) < GIGANTIC, values, np.nan)

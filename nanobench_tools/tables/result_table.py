@@ -156,8 +156,8 @@ class Table:
 
     def select(self, heads: Mapping[str, str], where: Callable[[Mapping[str, Cell]], bool] = lambda row: True,
                title: str | None = None, note: str | None = None) -> Table:
-        """The rows that match ``where`` ({key: cell}), and of them the columns ``heads`` ({key: title}) in this order;
-        keys that the table lacks are ignored."""
+        """The rows that match ``where`` ({key: cell}), with the columns ``heads`` ({key: title}) in this order. Keys
+        that the table lacks are ignored."""
         keys = [column.key for column in self.columns]
         rows = tuple(row for row in self.rows if where(dict(zip(keys, row, strict=True))))
         found = replace(self, rows=rows, main=None).keep([keys.index(key) for key in heads if key in keys])

@@ -1,5 +1,6 @@
-"""Tables and sentences as lines of a terminal. No word and no number is cut: where the width does not suffice, spreads
-are left out, then text is folded between words, then columns are left out and named, or stacked below each other."""
+"""Tables and sentences as lines of a terminal. Words and numbers are never cut. Where the width does not suffice,
+spreads are left out first, then text is folded between words. Then columns are left out and listed, or stacked below
+each other."""
 
 from __future__ import annotations
 
@@ -26,8 +27,8 @@ def folded(text: str, width: int) -> list[str]:
 
 
 def lines_of(table: Table, width: int, stack: bool = False, most: int | None = None) -> list[str]:
-    """The table within ``width``; at most ``most`` lines, the last saying how many rows are left out. ``stack``: what
-    does not fit stands below instead of being left out."""
+    """The table within ``width``; at most ``most`` lines, the last saying how many rows are left out. ``stack``:
+    columns that do not fit are placed below instead of being left out."""
     table = table.for_readers()
     blocks, without = _blocks(table, width, stack)
     head, note = folded(table.title, width) if table.title else [], folded(table.note, width) if table.note else []

@@ -103,7 +103,7 @@ class Ecosystem:
 
 @functools.cache
 def ecosystem(key: str) -> Ecosystem:
-    """The ecosystem of one file, by the file's name. UsageError where there is none."""
+    """The ecosystem of one file, by the file's name. UsageError if it is missing."""
     path = FOLDER / f"{key}.toml"
     if not path.is_file():
         raise UsageError(f"unknown ecosystem {key!r}; known: {', '.join(keys())}")
