@@ -30,13 +30,26 @@ def log(quaternion: np.ndarray) -> np.ndarray:
 
 def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Hamilton product of quaternions, (..., 4) with broadcasting: R(multiply(a, b)) = R(a) R(b)."""
-    ax, ay, az, aw = np.moveaxis(np.asarray(a, float), -1, 0)
-    bx, by, bz, bw = np.moveaxis(np.asarray(b, float), -1, 0)
-    return np.stack([
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-        aw * bw - ax * bx - ay * by - az * bz], axis=-1)
+    a, b = np.asarray(a, float), np.asarray(b, float)
+    ax, ay, az, aw = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
+    bx, by, bz, bw = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    out[..., 0] = aw * bx + ax * bw + ay * bz - az * by
+    out[..., 1] = aw * by - ax * bz + ay * bw + az * bx
+    out[..., 2] = aw * bz + ax * by - ay * bx + az * bw
+    out[..., 3] = aw * bw - ax * bx - ay * by - az * bz
+    return out
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Cross product of (..., 3) vectors with broadcasting; ``numpy.cross`` takes ten times as long for one row."""
+    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
+    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    out[..., 0] = ay * bz - az * by
+    out[..., 1] = az * bx - ax * bz
+    out[..., 2] = ax * by - ay * bx
+    return out
 
 
 def conjugate(quaternion: np.ndarray) -> np.ndarray:
@@ -48,8 +61,8 @@ def conjugate(quaternion: np.ndarray) -> np.ndarray:
 def rotate(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
     """Body vectors (..., 3) into the world by quaternions (..., 4), with broadcasting."""
     q, v = np.asarray(quaternion, float), np.asarray(vector, float)
-    t = 2.0 * np.cross(q[..., :3], v)
-    return v + q[..., 3:] * t + np.cross(q[..., :3], t)
+    t = 2.0 * cross(q[..., :3], v)
+    return v + q[..., 3:] * t + cross(q[..., :3], t)
 
 
 def rotate_inverse(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
@@ -64,7 +77,7 @@ def geodesic_angle(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     is summed in pairs that cancel, so that equal rotations have an angle of exactly 0.
     """
     a, b = np.asarray(a, float), np.asarray(b, float)
-    vector = a[..., 3:] * b[..., :3] - b[..., 3:] * a[..., :3] - np.cross(a[..., :3], b[..., :3])
+    vector = a[..., 3:] * b[..., :3] - b[..., 3:] * a[..., :3] - cross(a[..., :3], b[..., :3])
     angle: np.ndarray = 2.0 * np.arctan2(np.linalg.norm(vector, axis=-1), np.abs(np.sum(a * b, axis=-1)))
     return angle
 

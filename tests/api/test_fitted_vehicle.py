@@ -47,6 +47,7 @@ def recordings_apart(flights, tmp_path):
     return folders
 
 
+@pytest.mark.slow
 def test_priors_are_marked_in_the_table(fitted):
     table = fitted.parameters_
     assert table.loc["yaw_torque.k_m", "prior_share"] == 1.0
@@ -56,6 +57,7 @@ def test_priors_are_marked_in_the_table(fitted):
     assert "prior" in fitted.summary()
 
 
+@pytest.mark.slow
 def test_the_vehicle_predicts_a_flight_by_itself(fitted, flights):
     found = fitted.predict(flights[0], by="vehicle")
     assert len(found.start_s) == len(found.predicted.position_m) > 20
@@ -66,12 +68,14 @@ def test_the_vehicle_predicts_a_flight_by_itself(fitted, flights):
     assert flights[0].name in repr(found)
 
 
+@pytest.mark.slow
 def test_pictures_are_not_empty(fitted, flights):
     pytest.importorskip("plotly")
     assert len(fitted.plot().data) == len(fitted.result.parameters)
     assert len(fitted.predict(flights[0], by="vehicle").plot().data) == 2
 
 
+@pytest.mark.slow
 def test_mistakes_are_one_line(fitted, flights, tmp_path):
     with pytest.raises(nb.UsageError, match="predictor or vehicle"):
         fitted.predict(flights[0], by="magic")
@@ -90,6 +94,7 @@ def test_flights_that_cannot_be_used_are_one_line_with_the_reason(flights):
         nb.fit(flights, mass_kg=41.0)
 
 
+@pytest.mark.slow
 def test_what_is_assumed_is_said(flights):
     found = nb.fit(flights[0].without_streams("battery"), mass_kg=0.03, arm_m=0.05)
     assert found.trouble == ""

@@ -48,6 +48,7 @@ def test_a_turned_mirrored_scaled_sensor_has_the_same_lag():
     np.testing.assert_allclose(lag.matrix, turn, atol=0.05 * 57.3)
 
 
+@pytest.mark.slow
 def test_intervals_of_the_lag_cover():
     rng = np.random.default_rng(3)
     inside, widths = 0, []
@@ -126,6 +127,7 @@ def test_an_estimators_own_delay_is_not_a_clock_fault(audited_flights):
             assert abs(reading.offset_s) < 0.005
 
 
+@pytest.mark.slow
 def test_drift_and_wander_are_told_apart(flights):
     flight = next(f for f in flights if f.metadata["family"] == "trefoil")
     rng = np.random.default_rng(7)
@@ -160,7 +162,8 @@ def test_half_seconds_keep_of_a_fast_wander_what_its_smallest_size_allows_for():
     assert np.mean(kept) == pytest.approx(KEPT, abs=0.06)
 
 
-@pytest.mark.parametrize("size", [0.01, 0.03, 0.06, 0.1])
+@pytest.mark.parametrize("size", [0.01, pytest.param(0.03, marks=pytest.mark.slow), 0.06,
+                                  pytest.param(0.1, marks=pytest.mark.slow)])
 def test_a_wander_is_found_or_below_what_is_stated(flights, size):
     """Flights too slow for the track are told by half seconds alone, to which a fast wander is noise, too."""
     for i, flight in enumerate(flights[3::8]):  # linear ramps, most of which hover

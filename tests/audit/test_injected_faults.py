@@ -113,6 +113,7 @@ def test_a_clip_is_found_by_its_rows_at_one_end_of_the_range(flights, share):
 @pytest.mark.parametrize(("stream", "column"), [("mocap", "pz"), ("imu", "gyro_x"), ("battery", "vbat"), *(
     pytest.param(*given, marks=pytest.mark.slow)
     for given in (("mocap", "px"), ("imu", "acc_y"), ("estimator", "y"), ("attitude", "roll")))])
+@pytest.mark.slow
 def test_a_spike_of_the_stated_height_is_found_wherever_the_vehicle_moves(flights, stream, column):
     rng = np.random.default_rng(3)
     for flight in flights[::6]:
@@ -153,6 +154,7 @@ def test_commands_that_stand_still_by_right_are_innocent(audited_flights):
                 assert fault.start_s > stopped - 0.15
 
 
+@pytest.mark.slow
 def test_one_wrong_stream_does_not_accuse_the_others(flights):
     flight = lively(flights)
     for kind, case in (

@@ -100,6 +100,7 @@ def test_options_work_from_python(recordings, tmp_path):
     assert options.exit_code() == 0
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_same_audit(nanobench, recordings, tmp_path):
     distributed = pytest.importorskip("distributed")
     dask = pytest.importorskip("dask")

@@ -67,6 +67,7 @@ def test_it_is_not_run_unasked(nanobench, wandering, tmp_path):
     assert "windows" not in json.loads(out.read_text())
 
 
+@pytest.mark.slow
 def test_pictures_and_attribution(nanobench, recordings, tmp_path):
     """One flight and one window of every estimator that says how sure it is; what the onboard error comes from."""
     out = tmp_path / "d.json"

@@ -18,6 +18,7 @@ def scores(nanobench, folder, out, clock):
     return {name: value["mean"] for name, value in row["metrics"].items()}, row["given"]
 
 
+@pytest.mark.slow
 def test_each_clock_removes_what_it_says(nanobench, wandering, tmp_path):
     recorded, _ = scores(nanobench, wandering, tmp_path / "a.json", "as-recorded")
     offset, given = scores(nanobench, wandering, tmp_path / "b.json", "offset")

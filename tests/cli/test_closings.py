@@ -50,6 +50,7 @@ def own_tests(folder, name, patch):
             sys.modules.pop(module, None)
 
 
+@pytest.mark.slow
 def test_the_command_that_new_names_runs_its_test(nanobench, here):
     said = nanobench("new", "estimator", "timed")[1]
     assert "its test: python -m pytest test_timed.py" in said

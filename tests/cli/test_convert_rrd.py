@@ -284,6 +284,7 @@ def test_the_verb_writes_one_file_a_recording(nanobench, flight, tmp_path):
 
 @NEEDS_RERUN
 @pytest.mark.real
+@pytest.mark.slow
 def test_a_real_flight_keeps_every_pose(real_data, tmp_path):
     source = sorted((real_data / "nanobench").rglob("*trefoil_medium*.csv.xz"))[0]
     (flight,) = load_recordings([source]).flights

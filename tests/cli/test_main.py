@@ -127,6 +127,7 @@ def test_interrupt_is_130_and_says_how_to_go_on(recordings, empty_cache, tmp_pat
     assert err.splitlines()[1:] == ["nanobench: interrupted; run the same command again to resume"]
 
 
+@pytest.mark.slow
 def test_a_closed_pipe_is_quiet_and_the_work_goes_on(recordings, tmp_path):
     audit = f"{COMMAND} audit --data {recordings} --jobs 1 --verbose --json {tmp_path}/a.json"
     done = subprocess.run(["/bin/bash", "-c", f"set -o pipefail; {audit} | head -1"], capture_output=True, text=True,

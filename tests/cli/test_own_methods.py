@@ -68,6 +68,7 @@ def test_an_own_estimator_is_scored(way, recordings, tmp_path):
 
 
 @pytest.mark.parametrize("way", [pytest.param("module:Class", marks=pytest.mark.slow), "entry point"], indirect=True)
+@pytest.mark.slow
 def test_an_own_predictor_is_scored(way, recordings, tmp_path):
     name, path, cwd = way("predictors")
     done = launched("sysid", "--method", name, "--fit", "none", "--data", recordings, "--json", "s.json", "--jobs", 1,

@@ -66,6 +66,7 @@ def whole_job(recordings, tmp_path_factory, made_once):
     return code, out, err, Path(folder), Path(whole)
 
 
+@pytest.mark.slow
 def test_the_main_job_leaves_all_results_labelled_synthetic(whole_job):
     code, out, err, place, _ = whole_job
     assert code == 0, err
@@ -140,6 +141,7 @@ def test_killed_in_the_middle_it_goes_on_and_ends_the_same(nanobench, one_fit, r
     assert bodies(tmp_path / "killed") == bodies(tmp_path / "whole")
 
 
+@pytest.mark.slow
 def test_without_recordings_it_simulates_practice_flights_once(nanobench, crowd, tmp_path, monkeypatch):
     """What flies and what the tasks make of recordings is of other tests: here each notes what it is given."""
     given = []

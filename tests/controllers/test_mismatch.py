@@ -63,6 +63,7 @@ def test_a_wind_is_the_models_and_of_one_strength():
 
 @pytest.mark.parametrize("names", [("as told", "mass +15 %", "radio +20 ms"),
                                    pytest.param(tuple(CASES), marks=pytest.mark.slow)], ids=["some", "all"])
+@pytest.mark.slow
 def test_mpc_flies_every_case_of_mismatch_and_loses_no_vehicle(names, monkeypatch):
     monkeypatch.setattr(off_nominal, "CASES", {name: CASES[name] for name in names})
     crowd, paths = mismatched(SIMULATOR), Paths(tuple(specs_of(["figure_eight"], [1.0], 7.0)))

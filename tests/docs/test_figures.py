@@ -303,6 +303,7 @@ def test_the_command_checks_and_names_what_is_wrong(capsys: pytest.CaptureFixtur
     assert "holds none of" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_command_runs_from_a_shell() -> None:
     ended = subprocess.run([sys.executable, "-m", "tools.figures", "--check"], cwd=ROOT, capture_output=True, text=True)
     assert (ended.returncode, ended.stdout.strip()) == (0, ""), ended.stderr

@@ -105,7 +105,8 @@ def run(seed, seconds=20.0):
     return Flight("made", streams, {}, Provenance("made", "", "test", synthetic=True)), p
 
 
-@pytest.mark.parametrize("second", [8.0, 14.9, 16.0, 19.9])
+@pytest.mark.parametrize("second", [pytest.param(8.0, marks=pytest.mark.slow), 14.9,
+                                    pytest.param(16.0, marks=pytest.mark.slow), 19.9])
 def test_a_filter_told_the_truth_states_its_error(second):
     """Mean over runs of the normalised squared error of the position: 3, in its chi-square band for 40 runs, while
     poses come and after the last one."""

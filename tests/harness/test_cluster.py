@@ -35,6 +35,7 @@ def test_a_cluster_gives_the_same_result_as_this_process(cluster, tmp_path):
     assert repr(again.values) == repr(alone.values)
 
 
+@pytest.mark.slow
 def test_a_worker_killed_in_the_middle_costs_no_item(cluster, tmp_path):
     gate = tmp_path / "gate"
     items = scores(16, gate=str(gate))

@@ -52,7 +52,7 @@ def test_same_result_for_any_number_of_processes_and_order(tmp_path):
     assert (alone.executed, pool.executed, again.executed) == (9, 9, 1)
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_one_failure_is_one_line_and_the_others_go_on(jobs, tmp_path):
     bad = [make_item(fail, {"path": Path("bad.csv"), "how": how}, how) for how in ("input", "other", "type")]
     result = run_items([*scores(2), *bad, *scores(4)[2:]], tmp_path, jobs=jobs)
@@ -66,6 +66,7 @@ def test_one_failure_is_one_line_and_the_others_go_on(jobs, tmp_path):
     assert len(list(tmp_path.iterdir())) == 4
 
 
+@pytest.mark.slow
 def test_an_item_that_kills_its_process_fails_alone(tmp_path):
     killer = make_item(fail, {"path": Path("x.csv"), "how": "die"}, "killer")
     result = run_items([*scores(3), killer, *scores(6)[3:]], tmp_path, jobs=2)
@@ -132,7 +133,7 @@ def comes_to(done) -> bool:
     return bool(done())
 
 
-@pytest.mark.parametrize("jobs", ["1", "2"])
+@pytest.mark.parametrize("jobs", ["1", pytest.param("2", marks=pytest.mark.slow)])
 def test_kill_9_loses_no_finished_item_and_leaves_nothing_half_written(tmp_path, jobs):
     store, log = tmp_path / "store", tmp_path / "log"
     with held(tmp_path, jobs) as (process, command):
@@ -167,7 +168,7 @@ def test_workers_end_when_only_the_first_process_is_killed(tmp_path):
     assert all(Store(store).get(key) is not None for key in stored(store))
 
 
-@pytest.mark.parametrize("jobs", ["1", "2"])
+@pytest.mark.parametrize("jobs", ["1", pytest.param("2", marks=pytest.mark.slow)])
 def test_ctrl_c_ends_the_run_and_keeps_what_was_done(tmp_path, jobs):
     with held(tmp_path, jobs) as (process, _):
         os.killpg(process.pid, signal.SIGINT)
@@ -208,7 +209,7 @@ def test_progress_on_a_terminal_shows_count_and_time_left():
     assert "1 failed" in terminal.getvalue()
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_method_that_ends_the_program_fails_alone(jobs):
     items = [make_item(fail, {"path": Path("x.csv"), "how": "exit"}, "leaver"), *scores(3)]
     result = run_items(items, jobs=jobs)

@@ -97,6 +97,7 @@ def test_alignment_does_not_mirror():
     assert trajectory.ate(mirrored, truth).rmse_m > 0.05
 
 
+@pytest.mark.slow
 def test_yaw_alignment_is_the_best_yaw():
     _, truth, _, _, _ = paths(4)
     estimate = Rotation.from_euler("ZX", [0.7, 0.1]).apply(truth) + np.array([1.0, -2.0, 0.5])

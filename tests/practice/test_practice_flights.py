@@ -29,6 +29,7 @@ def test_the_same_seed_gives_the_same_bits_and_another_seed_does_not():
     assert not np.array_equal(a.messages["imu"], c.messages["imu"])
 
 
+@pytest.mark.slow
 def test_a_flight_does_not_depend_on_its_neighbours(practice):
     third = practice[2]
     assert third.metadata["practice"]["controller"] == "mellinger"

@@ -32,6 +32,7 @@ def test_it_writes_recordings_marked_synthetic(tmp_path, capsys):
     assert flight.metadata["practice"]["controller"] == "mellinger"
 
 
+@pytest.mark.slow
 def test_flights_of_an_own_controller_are_scored_under_its_name(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("NANOBENCH_CACHE", str(tmp_path / "cache"))
     (tmp_path / "own_controller.py").write_text((STARTERS / "own_controller.py.txt").read_text())

@@ -141,7 +141,7 @@ def simulator():
         "drag_linear": {"d": drag}, "drag_torque": {"c": VEHICLE["drag_torque_N_s"].value}}))
 
 
-@pytest.mark.parametrize("name", ["short circle", "short helix"])
+@pytest.mark.parametrize("name", ["short circle", pytest.param("short helix", marks=pytest.mark.slow)])
 def test_a_practice_flight_whose_vehicle_is_known_passes(crowd, name):
     flight = crowd.flight(name)
     cases, _ = gate.select([flight], {flight.name: audit(flight)})
@@ -221,6 +221,7 @@ def test_control_flies_the_gate_and_simulated_rows(crowd, tmp_path, capsys):
     assert "SYNTHETIC data: SIMULATED" in text.out
 
 
+@pytest.mark.slow
 def test_a_plant_identified_from_recordings_flies(crowd, tmp_path, capsys):
     flight = crowd.flight("slow figure_eight")
     write_nanobench(flight, tmp_path / "in" / f"{flight.name}.csv")

@@ -96,6 +96,7 @@ def test_the_published_runs_to_all_digits(real):
 
 
 @pytest.mark.real
+@pytest.mark.slow
 def test_the_published_rows_to_every_printed_digit(real):
     rows = {row.controller: row for row in rows_of(*real, "as-published")}
     digits = {"rmse_m": 4, "ade_m": 4, "velocity_rmse_m_s": 4, "heading_deg": 3, "divergence_percent": 3}

@@ -206,6 +206,7 @@ def test_a_second_signal_ends_a_wait_of_any_kind():
     assert (outcome.left, outcome.stop.rule) == (True, "interrupted")
 
 
+@pytest.mark.slow
 def test_who_is_told_of_set_points_may_raise():
     toy, notes, told = Toy(), Notes(), []
 

@@ -84,10 +84,10 @@ def test_what_a_flight_can_do_without_does_not_end_it(fault, monkeypatch):
 
 
 @pytest.mark.parametrize(("fault", "rule", "words"), [
-    slow({"down": LOG}, "silent log", "battery and supervisor were not heard of for 2.0 s", "log"),
+    pytest.param({"down": LOG}, "silent log", "battery and supervisor were not heard of for 2.0 s", id="log"),
     slow({"up": POSES}, "astray", "m from the poses", "poses"),
     slow({"down": every}, "lost link", "no packet for 0.5", "everything that comes"),
-    pytest.param({"up": every, "down": every, "lasts_s": 0.8}, "lost link", "no packet for 0.5", id="link 0.8 s")])
+    slow({"up": every, "down": every, "lasts_s": 0.8}, "lost link", "no packet for 0.5", "link 0.8 s")])
 def test_what_it_cannot_do_without_ends_it_gently_on_the_ground(fault, rule, words, monkeypatch):
     world = FaultyWorld(**fault)
     outcome, said = flown(world, monkeypatch)

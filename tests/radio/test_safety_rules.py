@@ -20,6 +20,11 @@ from nanobench_tools.radio.fly.safety_handover import place_to_hold
 IN_PATH = 106.5
 
 
+def slow_case(*values: object) -> object:
+    """A case that ``make test`` leaves out."""
+    return pytest.param(*values, marks=pytest.mark.slow)
+
+
 @pytest.fixture(autouse=True)
 def short_phases(monkeypatch):
     """The path begins after 4.3 s, not after 6, and is flown at full speed from 4.8 s on."""
@@ -95,13 +100,13 @@ def late(toy: Toy) -> OnboardPilot:
 @pytest.mark.parametrize(("rule", "fault"), [
     ("stale pose", lambda toy: setattr(toy, "blind", True)),
     ("lost link", lambda toy: setattr(toy, "mute", True)),
-    ("lost link", lambda toy: setattr(toy, "lost", "radio unplugged")),
+    slow_case("lost link", lambda toy: setattr(toy, "lost", "radio unplugged")),
     ("geofence", lambda toy: setattr(toy, "drift_m_s", np.array([2.9, 0.0, 0.0]))),
-    ("speed", lambda toy: setattr(toy, "drift_m_s", np.array([0.0, 3.4, 0.0]))),
-    ("tilt", lambda toy: setattr(toy, "quaternion", so3.from_euler_zyx(0.0, 1.0, 0.0))),
+    slow_case("speed", lambda toy: setattr(toy, "drift_m_s", np.array([0.0, 3.4, 0.0]))),
+    slow_case("tilt", lambda toy: setattr(toy, "quaternion", so3.from_euler_zyx(0.0, 1.0, 0.0))),
     ("low battery", lambda toy: toy.values.update({"pm.vbat": 2.7})),
-    ("supervisor", lambda toy: toy.values.update({"supervisor.info": 1 << 7})),
-    ("silent log", lambda toy: setattr(toy, "unlogged", True)),
+    slow_case("supervisor", lambda toy: toy.values.update({"supervisor.info": 1 << 7})),
+    slow_case("silent log", lambda toy: setattr(toy, "unlogged", True)),
 ])
 def test_a_fault_of_the_vehicle_its_link_or_the_poses_ends_the_flight_on_the_ground(rule, fault):
     toy = Toy()
@@ -127,8 +132,8 @@ def test_a_vehicle_that_cannot_hold_its_height_lands_before_it_lies_on_the_groun
 
 
 @pytest.mark.parametrize(("rule", "pilot", "words"), [
-    ("controller", raising, "RuntimeError: no idea"), ("controller", no_number, "no number"),
-    ("overrun", slow, "the controller took 150 ms"), ("overrun", late, "10 deadlines missed in a row")])
+    ("controller", raising, "RuntimeError: no idea"), slow_case("controller", no_number, "no number"),
+    ("overrun", slow, "the controller took 150 ms"), slow_case("overrun", late, "10 deadlines missed in a row")])
 def test_a_fault_of_the_controller_ends_the_flight_on_the_ground(rule, pilot, words):
     toy = Toy()
     outcome, _ = flown(toy, pilot(toy))
@@ -165,7 +170,7 @@ def test_a_reason_on_the_ground_flies_nothing():
 
 
 @pytest.mark.parametrize(("rule", "fault"), [
-    ("lost link", lambda toy: setattr(toy, "mute", True)),
+    slow_case("lost link", lambda toy: setattr(toy, "mute", True)),
     ("supervisor", lambda toy: toy.values.__setitem__("supervisor.info", 1 << 7))])
 def test_what_goes_wrong_while_it_lands_is_said(rule, fault):
     toy = Toy()

@@ -33,6 +33,7 @@ def recording(crowd, row, **chain):
 
 
 @pytest.mark.parametrize("row", [0, 1])
+@pytest.mark.slow
 def test_an_injected_sawtooth_is_recovered_and_its_interval_is_honest(flown, row):
     flight, clock = recording(flown, row, wander_sd_s=0.03, offset_s=0.02)
     time_offset = believed(Context(flight))

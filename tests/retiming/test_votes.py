@@ -94,6 +94,7 @@ def test_an_error_of_the_estimate_changes_nothing_of_the_clock_that_judges_it(fl
     assert nulls.kept([nulls.track_errors(Context(flight), Context(after), error, before, time_offset)]) > 0.9
 
 
+@pytest.mark.slow
 def test_the_joint_clock_takes_such_an_error_for_time(flight):
     after, error = nulls.with_track_error(flight, 1.0, 0.03, 3)
     errors = nulls.track_errors(Context(flight), Context(after), error, infer(Context(flight)), infer(Context(after)))

@@ -83,6 +83,7 @@ def test_mutated_recording(kind, seeds, tmp_path):
     assert read > 0 or kind in ("header_bytes",)
 
 
+@pytest.mark.slow
 def test_cut_anywhere_reports_or_loses_nothing(tmp_path):
     """A cut behind a whole row cannot be seen without a sheet; every other cut is reported."""
     whole = csv_text(VALUES[:6]).encode()
@@ -134,6 +135,7 @@ def test_start_of_a_format_and_then_anything(tmp_path, prefix, cut, tail):
     column=st.integers(1, 51),
     cell=st.text(max_size=12).filter(lambda s: "\n" not in s and "\r" not in s),
 )
+@pytest.mark.slow
 def test_any_text_in_a_cell(tmp_path, row, column, cell):
     """Either the number that was written, or NaN and a finding, or the row is left out and reported."""
     cells = [[f"{v:.9f}" for v in line] for line in VALUES]

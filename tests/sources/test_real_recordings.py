@@ -31,6 +31,7 @@ def own_sheet(flight):
     return yaml.safe_load(path.read_text()) if path.exists() else None
 
 
+@pytest.mark.slow
 def test_all_files_are_read_and_nothing_else_is_claimed(everything, real_data):
     files = list((real_data / "nanobench").rglob("*.csv.xz"))
     assert len(everything.flights) == len(files) >= 100

@@ -46,6 +46,7 @@ def fitted():
     return GreyBox(SHARED, name="made").fit_cuts(cuts_of(made_windows(true_model(), n=FEW, noise=0.3)))
 
 
+@pytest.mark.slow
 def test_learnt_values_have_units_and_intervals(fitted):
     entry = fitted.parameters_["drag_linear.d[0]"]
     assert entry.unit == "N s/m"
@@ -153,6 +154,7 @@ def test_windows_on_the_ground_are_no_hover():
     assert hover(model, replace(data, motor=motor, start=start, truth=truth))[0] == pytest.approx(1.0, abs=0.06)
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_the_air_tips_over_needs_the_fast_loop(monkeypatch):
     """drag_torque as on the recorded vehicles: a slow attitude loop loses it, a fast one holds it."""
     model = Model(Vehicle(), {"thrust_voltage": {"c": (-0.004, 0.032, -0.0096, 0.0042)}, "thrust_scale": {"s": 0.88},

@@ -54,6 +54,7 @@ def test_a_right_simulator_is_left_alone_and_what_was_not_asked_is_said(flights)
     assert "Only translation was asked" in verdict["paragraph"]
 
 
+@pytest.mark.slow
 def test_hidden_drag_is_named_and_predicts_the_path_of_flights_left_out(flights):
     verdict = diagnose_flights(flights, QUAD.with_term("drag_linear", d=tuple(MASS_KG * k for k in (0.1, 0.1, 0.15))))
     finding, = verdict["findings"]

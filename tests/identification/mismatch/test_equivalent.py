@@ -48,6 +48,7 @@ def recordings():
     return Recordings(flights, {}, tracks, (), {})
 
 
+@pytest.mark.slow
 def test_a_callable_that_gives_no_turning_is_judged_by_its_force(recordings):
     def lift_and_drag(at, drag=DRAG):
         force, turning = flown(drag)(at)
@@ -74,6 +75,7 @@ def test_a_right_callable_has_no_mismatch(recordings):
     assert verdict.believed.parameters["drag_linear.d[0]"] == pytest.approx(0.016, rel=0.02)
 
 
+@pytest.mark.slow
 def test_what_a_callable_lacks_is_named(recordings):
     verdict = diagnose_callable(recordings, flown(drag=0.25 * DRAG), "mine", vehicle=VEHICLE)
     finding, = verdict.body["findings"]

@@ -217,6 +217,7 @@ def test_a_bin_of_few_stretches_has_no_bar():
 
 
 @pytest.mark.browser
+@pytest.mark.slow
 def test_it_is_drawn_and_fits_phone_and_desk(verdict, recordings, tmp_path):
     binary = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
     driver = pytest.importorskip("playwright.sync_api") if binary else None

@@ -65,6 +65,7 @@ def test_a_right_simulator_has_no_mismatch(right):
     assert (decision.outcome, decision.findings) == ("none", ())
 
 
+@pytest.mark.slow
 def test_gusts_are_no_noise_but_nothing_with_a_name(model):
     """Pushes that last a second, drawn anew for every flight."""
     def blown(seed):
@@ -106,6 +107,7 @@ def test_slow_commands_hardly_tell_a_lag_from_a_delay(plain, model):
     assert named <= {"motor_lag", "command_delay"}
 
 
+@pytest.mark.slow
 def test_a_heavier_vehicle_is_found(too_heavy):
     _, decision = too_heavy
     finding = decision.findings[0]
@@ -132,6 +134,7 @@ def test_two_large_effects_at_once_are_both_named(model):
     assert any("com_offset" in t for t in terms)
 
 
+@pytest.mark.slow
 def test_wind_is_not_called_drag(model):
     windy = wrench_of(model.with_term("wind", w_m_s=(0.8, -0.5, 0.0)))
     _, decision = decided(windy, model)
@@ -201,6 +204,7 @@ def test_what_gets_worse_by_more_than_anything_improves_is_no_proof():
         assert proof(after).better == fine
 
 
+@pytest.mark.slow
 def test_one_flight_with_a_heavier_vehicle_is_singled_out(uneven):
     _, _, decision, _ = uneven
     assert decision.own
@@ -263,6 +267,7 @@ def test_a_burst_counts_as_long_as_it_lasts():
     assert Structure("place", 0.5, 100.0, ("z",), "").rms_m_s2 == 0.5
 
 
+@pytest.mark.slow
 def test_a_strong_swing_is_found_though_the_residual_remembers_it(model):
     """A regression on the samples before predicts a swing: whitened by it, its peak is lost among the others."""
     plain = wrench_of(model, seconds=20.0)

@@ -58,6 +58,7 @@ def test_a_wrong_mass_is_found_with_its_size_and_predicts_better(too_heavy):
     assert too_heavy.body["headline"].startswith("The simulator is wrong about thrust_scale")
 
 
+@pytest.mark.slow
 def test_the_order_of_flights_changes_nothing(flown, too_heavy):
     tracks = [replace(t, flight=3 - t.flight) for t in flown.tracks[::-1]]
     body = verdict_body(recordings_of(tracks), MODEL.on(mass_kg=0.046))

@@ -35,6 +35,7 @@ def named_at(wrench: Wrench, term: str, parameter: str, size: float) -> bool:
     return term in {t for h, also in zip(found.accepted, found.alike, strict=True) for t in (h.term, *also)}
 
 
+@pytest.mark.slow
 def test_sizes_above_are_named_and_sizes_below_are_not(quiet):
     wrench, told = quiet
     least, parameter = told["com_offset"]["minimum_detectable"], told["com_offset"]["parameter"]

@@ -70,6 +70,7 @@ def kinds(body):
                 ("gap", "imu"), ("clock_offset", "imu")}),
     (lambda flights: with_fault(flights, "unit", which=(0,), case=2), {("unit", "imu")}),
 ], ids=["of no part of it, left out or corrected", "one flight in deg/s"])
+@pytest.mark.slow
 def test_a_fault_that_leaves_enough_to_compare_is_stated_and_no_answer(nothing, spoil, stated):
     body = verdict(nothing, spoil(nothing.flights))
     assert (body["outcome"], body["findings"]) == ("none", [])

@@ -183,6 +183,7 @@ def test_normal_flights_of_the_same_day_show_less():
     assert power[True]["minimum_detectable"] < power[False]["minimum_detectable"]
 
 
+@pytest.mark.slow
 def test_another_vehicle_and_wind():
     flights = normal_flights(normals(), BODY)
     other = compare(some(3, 4, (0.1, -0.2, 0.15, -0.1), level=(0.3, -0.2)), flights, BODY)
@@ -192,6 +193,7 @@ def test_another_vehicle_and_wind():
     assert blown["findings"][0]["cause"] == "wind"
 
 
+@pytest.mark.slow
 def test_false_alarms_and_power_in_many_draws():
     """SYNTHETIC: 20 sets of flights each with days of 2 %; nothing, and a fifth of one motor's thrust."""
     rng = np.random.default_rng(7)
@@ -285,6 +287,7 @@ def swings(n: int, seed: int, peak: float = 1.0) -> list[Swing]:
             for p in aside]
 
 
+@pytest.mark.slow
 def test_a_load_that_swings_is_no_taped_weight():
     flights = normal_flights(normals(), BODY)
     usual = swings(5, 1)

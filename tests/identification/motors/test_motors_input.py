@@ -84,6 +84,7 @@ def test_radio_by_hand(logs):
     assert 0.001 < np.abs(late - log.u[first]).mean() < log.u.std()
 
 
+@pytest.mark.slow
 def test_the_verb(logs, few_inputs, tmp_path, capsys):
     folder = tmp_path / "logs"
     folder.mkdir()
@@ -120,6 +121,7 @@ def test_a_single_log_is_one_line(logs, tmp_path, capsys):
     assert said.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_progress_counts_the_fits(study, reported):
     assert [done for done, _ in reported] == list(range(1, len(reported) + 1))
     assert {total for _, total in reported} == {len(reported)}

@@ -15,6 +15,7 @@ from nanobench_tools.api.identified_motors import Motors
 from nanobench_tools.physics import Vehicle
 
 
+@pytest.mark.slow
 def test_time_constants_delay_and_thrust(study):
     assert study.best_lag == "up and down + delay"
     assert study.lag.tau_up_s == pytest.approx(0.05, abs=0.002)
@@ -26,6 +27,7 @@ def test_time_constants_delay_and_thrust(study):
     assert slow == pytest.approx(SLOPE, rel=0.04)
 
 
+@pytest.mark.slow
 def test_the_table_of_nb_motors_holds_the_constants_in_si(study):
     found = Motors(motor_result(study), study)
     truth = {"lag up": (0.05, "s"), "lag down": (0.11, "s"), "delay": (2 * ROW_S, "s"),
@@ -38,12 +40,14 @@ def test_the_table_of_nb_motors_holds_the_constants_in_si(study):
     assert "tau_up_s" in found.to_toml()
 
 
+@pytest.mark.slow
 def test_a_simpler_lag_is_worse_on_flights_held_out(study):
     mean = {name: float(np.mean(rms)) for name, rms in study.lag_rms.items()}
     assert mean["at once"] > mean["one lag + delay"] > 1.2 * mean["up and down + delay"]
     assert mean["up and down + delay"] == pytest.approx(3.0, rel=0.2)  # the noise that was added
 
 
+@pytest.mark.slow
 def test_moments(study):
     found = motor_result(study).moments
     assert found.inertia_kg_m2["x"] == pytest.approx(INERTIA[0], rel=0.03)
@@ -54,6 +58,7 @@ def test_moments(study):
     assert found.gyro_behind_speed_s["x"].median == pytest.approx(-2 * ROW_S, abs=0.001)
 
 
+@pytest.mark.slow
 def test_fast_pwm_predicts_rotation_better_than_the_radio(study):
     rows = {row.input: row.metrics["roll_pitch_rate_mae_rad_s"] for row in motor_result(study).rows}
     assert rows["logged"]["10"] < 0.5 * rows["radio"]["10"] < 0.5 * rows["still"]["10"]
@@ -64,6 +69,7 @@ def test_fast_pwm_predicts_rotation_better_than_the_radio(study):
     assert len(repr(motor_result(study))) < 400
 
 
+@pytest.mark.slow
 def test_the_simulator_is_that_vehicle(study):
     model = simulator(study)
     assert model.values_of("motor_lag")["tau_down_s"] == study.lag.tau_down_s

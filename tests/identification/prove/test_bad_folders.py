@@ -52,6 +52,7 @@ def verdicts(normal):
     return judge(folders, normal, _run, 0, mass_kg=0.034).verdicts
 
 
+@pytest.mark.slow
 def test_one_flight_names_nothing(verdicts):
     verdict = verdicts["one flight"]
     assert verdict["outcome"] == "insufficient"

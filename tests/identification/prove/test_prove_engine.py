@@ -70,6 +70,7 @@ def crowd():
     return names, specs, flown(specs)
 
 
+@pytest.mark.slow
 def test_every_effect_is_what_its_term_says(crowd):
     """Half a second from true states with the inputs of every 2 ms: 5 micrometres, 0.3 mrad/s."""
     names, specs, (states, motor, battery) = crowd

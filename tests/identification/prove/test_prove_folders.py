@@ -118,6 +118,7 @@ def judged():
     return judge(folders, normal, run, 0, mass_kg=0.034), seen
 
 
+@pytest.mark.slow
 def test_folders_are_diagnosed_blind(judged):
     found, items = judged
     assert found.verdicts["cut_of_2"]["findings"][0]["motors"] == [2]

@@ -31,6 +31,7 @@ def series(folder, *seeds):
     return folder
 
 
+@pytest.mark.slow
 def test_train_and_test(tmp_path, nanobench):
     code, out, err = nanobench("--train", series(tmp_path / "a", 1, 2), "--test", series(tmp_path / "b", 3),
                                "--out", tmp_path / "out", "--json", tmp_path / "r.json")
