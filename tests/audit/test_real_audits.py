@@ -53,6 +53,7 @@ def test_no_other_log_stops_before_its_last_half_second(recordings, many):
         assert bool(long) == (name in STOPPED or name in stopped), (name, long)
 
 
+@pytest.mark.slow
 def test_copies_and_slices(recordings, real_data):
     groups = {frozenset(g) for g in find_copies(list(recordings.values()))}
     assert groups == {

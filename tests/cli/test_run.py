@@ -103,6 +103,7 @@ def test_the_main_job_leaves_all_results_labelled_synthetic(whole_job):
     assert files[0].read_text() != files[1].read_text()
 
 
+@pytest.mark.slow
 def test_json_holds_all_results_and_odd_names_of_files_do_no_harm(whole_job):
     code, out, err, place, path = whole_job
     assert code == 0, err

@@ -105,6 +105,7 @@ def test_two_folders_are_not_mixed_up(folder, monkeypatch, tmp_path_factory):
     assert found == [EXPECTED, "other"]
 
 
+@pytest.mark.slow
 def test_what_a_users_method_imports_counts_for_its_identity(folder, monkeypatch):
     script = ("from nanobench_tools.lookup.registry import load; "
               "from nanobench_tools.harness.identity import method_identity; "

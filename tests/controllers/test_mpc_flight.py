@@ -116,6 +116,7 @@ def test_what_it_foresees_is_its_plan_flown():
 
 @pytest.mark.filterwarnings("ignore")  # pytest would keep those of osqp
 @pytest.mark.parametrize("name", ["mpc_daqp", *(pytest.param(n, marks=pytest.mark.slow) for n in ("mpc_osqp", "nmpc"))])
+@pytest.mark.slow
 def test_commands_leave_no_memory_behind(name):
     controller, spec = fresh(name), path_spec("figure_eight", "fast")
     world = World(spec.reference(np.zeros(1)))

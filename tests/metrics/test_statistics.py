@@ -132,6 +132,7 @@ def test_a_table_gives_what_single_columns_give():
         assert found == pytest.approx(alone)
 
 
+@pytest.mark.slow
 def test_the_two_stages_are_those_of_a_plain_loop():
     sizes, rng = [5, 4, 7, 6], np.random.default_rng(0)
     owner = np.repeat(np.arange(4), sizes)

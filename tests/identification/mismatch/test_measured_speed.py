@@ -35,6 +35,7 @@ def flights():
     return [turning(f) for f in flights_of(FLOWN, seconds=10.0)]
 
 
+@pytest.mark.slow
 def test_speeds_are_what_a_simulator_of_speeds_is_given(flights):
     verdict = diagnose_flights(flights, SIMULATOR)
     assert (verdict["outcome"], verdict["findings"]) == ("none", [])

@@ -212,6 +212,7 @@ def test_one_flight_with_a_heavier_vehicle_is_singled_out(uneven):
     assert int(np.argmax(np.abs(decision.fit.own[name] - np.median(decision.fit.own[name])))) == 2
 
 
+@pytest.mark.slow
 def test_the_flight_that_differs_is_in_the_verdict(uneven, model):
     recordings, *judged = uneven
     body = Verdict.of(recordings, model, *judged, 0.0).to_json()

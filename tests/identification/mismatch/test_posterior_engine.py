@@ -96,6 +96,7 @@ def test_the_page_of_a_verdict_is_written(too_heavy, flown):
 
 
 @pytest.mark.parametrize(("again", "left"), [({"wind", "force_world", "frame_tilt"}, 2), (set(), 1)])
+@pytest.mark.slow
 def test_of_two_effects_the_smaller_one_has_to_be_named_again(pushed_and_heavy, again, left):
     case, ahead = pushed_and_heavy
     found = decide(case, ahead.judge, lambda corrected: again)
@@ -113,6 +114,7 @@ def pushed_and_heavy():
     return weighed(recordings_of(tracks), Wrench(tracks), MODEL.on(mass_kg=0.046), 0)
 
 
+@pytest.mark.slow
 def test_a_battery_that_was_ignored_is_found_and_can_be_flown(flown):
     """The corrected simulator has another thrust map than the simulator; the battery falls from 4.0 to 3.5 V."""
     blind = with_other_map(MODEL, 3.75)
@@ -127,6 +129,7 @@ def test_a_battery_that_was_ignored_is_found_and_can_be_flown(flown):
     assert after["after"][z] < 0.5 * after["before"][z]
 
 
+@pytest.mark.slow
 def test_a_limit_of_thrust_is_found_from_a_simulator_without_one():
     """Hover takes 0.098 N a motor; commands go some hundredths beyond."""
     limited = MODEL.with_term("saturation", T_max_N=0.1)

@@ -25,6 +25,7 @@ def terms_of(verdict: dict) -> list[str]:
     return [f["term"] for f in verdict["findings"]]
 
 
+@pytest.mark.slow
 def test_a_right_hexarotor_is_left_alone(flights):
     verdict = diagnose_flights(flights, HEXA)
     assert (verdict["outcome"], verdict["findings"]) == ("none", [])

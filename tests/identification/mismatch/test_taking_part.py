@@ -17,6 +17,8 @@ from nanobench_tools.flight import Fault, Flight, Provenance, Span, make_stream
 from nanobench_tools.practice.inject import INJECTIONS
 from nanobench_tools.practice.references import path_spec
 
+pytestmark = pytest.mark.slow
+
 FLIGHTS = tuple(FlightSpec(path_spec(family, speed, duration_s=6.0), "pid", charge)
                 for family, speed, charge in (("figure_eight", "medium", 0.9), ("trefoil", "fast", 0.7)))
 IMBALANCE = Hidden("motor_imbalance", "large",
@@ -70,7 +72,6 @@ def kinds(body):
                 ("gap", "imu"), ("clock_offset", "imu")}),
     (lambda flights: with_fault(flights, "unit", which=(0,), case=2), {("unit", "imu")}),
 ], ids=["of no part of it, left out or corrected", "one flight in deg/s"])
-@pytest.mark.slow
 def test_a_fault_that_leaves_enough_to_compare_is_stated_and_no_answer(nothing, spoil, stated):
     body = verdict(nothing, spoil(nothing.flights))
     assert (body["outcome"], body["findings"]) == ("none", [])

@@ -26,7 +26,7 @@ BROKEN = {
     "and its PWM is off; the motor is dead": lambda log: flight(changed(
         log, u=log["u"] * [1, 0, 1, 1], speed=log["speed"] * [1, 0, 1, 1])),
     "its rotor speed was not measured": lambda log: flight(changed(log, speed=log["speed"] * [0.01, 1, 1, 1])),
-    "stands on the ground": lambda log: flight(changed(log, rate=0.01 * log["rate"] / np.abs(log["rate"]).max(),
+    "is at rest on the ground": lambda log: flight(changed(log, rate=0.01 * log["rate"] / np.abs(log["rate"]).max(),
                                                        velocity=0.0 * log["velocity"])),
     "no rotor ever spins": lambda log: flight(changed(log, speed=0.0 * log["speed"])),
     "PWM never changes": lambda log: flight(changed(log, u=0.0 * log["u"] + 0.6)),

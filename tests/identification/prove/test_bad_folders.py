@@ -16,6 +16,8 @@ from identification.prove.folders import judge
 from nanobench_tools.errors import InputError
 from nanobench_tools.harness import run_items
 
+pytestmark = pytest.mark.slow
+
 LOST = -np.log1p(-0.25) * np.eye(4)[2]
 OTHER = (0.12, -0.10, 0.09, -0.11)
 """ln of gains: every motor of another vehicle differs by itself."""
@@ -52,7 +54,6 @@ def verdicts(normal):
     return judge(folders, normal, _run, 0, mass_kg=0.034).verdicts
 
 
-@pytest.mark.slow
 def test_one_flight_names_nothing(verdicts):
     verdict = verdicts["one flight"]
     assert verdict["outcome"] == "insufficient"

@@ -19,6 +19,8 @@ from nanobench_tools.practice.onboard_crowd import OnboardFleet
 from nanobench_tools.practice.references import path_spec
 from nanobench_tools.practice.timeline import Events
 
+pytestmark = pytest.mark.slow
+
 WINDOW = 250
 CALM = Nuisance(0.0, 0.0)
 PATH = replace(path_spec("trefoil", "medium", altitude_m=0.45, z_amplitude_m=0.2, scale_m=0.6, duration_s=1.6),
@@ -70,7 +72,6 @@ def crowd():
     return names, specs, flown(specs)
 
 
-@pytest.mark.slow
 def test_every_effect_is_what_its_term_says(crowd):
     """Half a second from true states with the inputs of every 2 ms: 5 micrometres, 0.3 mrad/s."""
     names, specs, (states, motor, battery) = crowd
@@ -137,7 +138,6 @@ def test_flights_that_rotorpy_leaves_out_are_in_no_effect():
     assert truth_of(short, simulator, corrected, []).effects[0].flights == ("flight_3", "flight_4")
 
 
-@pytest.mark.slow
 def test_rotorpy_flies_what_the_simulator_says():
     """A tenth of a second with the inputs of every 2 ms: far below the 0.15 rad/s that noise leaves in a recording. The
     rest is RotorPy's lag of the speed, not of the thrust."""

@@ -57,6 +57,7 @@ def test_mass_only_scales():
     assert heavy.values["c[1]"] == pytest.approx(2.0 * light.values["c[1]"], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_choice_and_interval_on_new_flights():
     found = study([made_flight(s, level=0.1 * np.sin(s)) for s in range(6)], MASS, draws=0)
     assert found.best == "switched_motor_in_flight"

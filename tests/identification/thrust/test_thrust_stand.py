@@ -24,6 +24,7 @@ def test_dc_motor_is_recovered_without_noise():
         assert fit.values[name] == pytest.approx(value, rel=0.02, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth():
     files = [made(dc_law, seed=s, noise_N=3e-4, name=f"s{s}") for s in range(8)]
     found = study(files, 0.04, draws=50)

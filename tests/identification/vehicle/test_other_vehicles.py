@@ -21,6 +21,7 @@ from nanobench_tools.protocols.task1 import Case
 @pytest.mark.parametrize(("mass_kg", "arm_m", "with_battery"), [
     pytest.param(0.03, 0.046, True, marks=pytest.mark.slow), pytest.param(0.067, 0.05, False, marks=pytest.mark.slow),
     (0.5, 0.15, False)])
+@pytest.mark.slow
 def test_a_vehicle_of_another_size_hovers_and_its_priors_hold_the_truth(mass_kg, arm_m, with_battery):
     true = model_of(4, mass_kg, arm_m)
     flights = flights_of(true, 3)
