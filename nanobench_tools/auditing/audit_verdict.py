@@ -18,14 +18,19 @@ MINOR_SHARE = 0.05
 SHORTEST_S = 1.0
 """Without a usable stretch of this length a recording is ``unusable``: a convention."""
 MOST_EVENTS = 2
-"""Events that the sentence tells; the others are in the list."""
+"""Events in the sentence; the others are in the list."""
 
 
 @dataclass(frozen=True, repr=False)
 class AuditVerdict(Result):
-    """sentence: for a person, one line. usable: the flight (the recording, where it is not known when it flew) without
-    the faults that cut, in s from the first row. unfit: streams that a fault spoils from end to end; ``usable`` is of
-    the others. severity: ``fine``; ``minor`` (corrected, or next to nothing is cut); ``cut``; ``unusable``.
+    """
+    - sentence: one line to read.
+    - usable: the flight (the recording, where the time of flight is unknown) without the faults that cut, in s from
+      the first row.
+    - unfit: streams that a fault spoils from end to end;
+
+    ``usable`` is of the others. severity: ``fine``; ``minor`` (corrected, or next to nothing is cut); ``cut``;
+    ``unusable``.
     """
 
     flight: str

@@ -1,7 +1,7 @@
 """Faults of one recording as events: one event for what a person would describe as one thing, over streams and
 repetitions.
 
-An end of the log on the ground is one fault per stream and one event; so is a clock that moves under all of them.
+An end of the log on the ground is one fault per stream and one event. So is a clock that moves under all of them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ MOST_NAMES = 4
 @dataclass(frozen=True, repr=False)
 class FaultEvent(Result):
     """``kind``: name of the kind of fault; ``streams``: in which it was found, ("",) for the whole recording;
-    ``spans``: where, in s from the first row; ``sentence``: what is wrong, in words; ``advice``: what to do;
+    ``spans``: where, in s from the first row; ``sentence``: description of the fault; ``advice``: what to do;
     ``faults``: how many faults it merges; ``seconds_cut``: how much of the flight it takes away."""
 
     kind: str
@@ -110,7 +110,7 @@ def _largest(faults: Sequence[Fault]) -> float:
 
 
 def _lateness(faults: Sequence[Fault]) -> str:
-    """``12 ms late`` or ``12 to 20 ms late``; for offsets on both sides of zero, ``-4 to 20 ms late``."""
+    """``12 ms late`` or ``12 to 20 ms late``. For offsets on both sides of zero: ``-4 to 20 ms late``."""
     sizes = [1e3 * f.size for f in faults if math.isfinite(f.size)]
     if not sizes:
         return "late or early"

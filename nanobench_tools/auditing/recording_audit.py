@@ -1,7 +1,7 @@
 """The audit of one recording: its errors, its usable spans, late clocks, and the controller that flew.
 
-``audit(flight)`` runs every registered fault kind (entry points ``nanobench.faults``, ``faults.kind``) over one shared
-``Context`` and collects the verdict. It ignores the name.
+``audit(flight)`` runs every registered fault kind over one shared ``Context`` and collects the verdict. The entry
+points are ``nanobench.faults``, with ``faults.kind``. It ignores the name.
 """
 
 from __future__ import annotations
@@ -34,9 +34,11 @@ NEVER_CUT = frozenset({"extra"})
 class Audit(Result):
     """Verdict on one recording; all times in seconds from its first row.
 
-    controller: ``pid`` | ``mellinger`` | ``none`` (motors never ran) | ``unknown``. airborne: first to last crossing of
-    5 cm above the resting height. clean: the recording without the cutting faults of any stream; a constant battery
-    reading does not affect the other streams (``clean_for`` with the battery cuts it). clock and rates per stream.
+    - controller: ``pid`` | ``mellinger`` | ``none`` (motors never ran) | ``unknown``.
+    - airborne: first to last crossing of 5 cm above the resting height.
+    - clean: the recording without the cutting faults of any stream; a constant battery reading does not affect the
+      other streams (``clean_for`` with the battery cuts it).
+    - clock and rates: per stream.
     """
 
     flight: str

@@ -26,8 +26,9 @@ class Repeat:
 def distinct(flights: Sequence[Flight]) -> tuple[list[Flight], list[Repeat]]:
     """(recordings that count, in the order given; those left out).
 
-    A recording is left out when its motion capture rows are a run of rows of a longer (or equal) one: same absolute
-    stamps, same positions. Of equal ones the first in order of content and path is kept, whatever the order given.
+    A recording is left out when its motion capture rows are a run of rows of a longer (or equal) one. They have the
+    same absolute timestamps and the same positions. Of equal ones the first in order of content and path is kept, in
+    any given order.
     """
     order = sorted(range(len(flights)), key=lambda i: (-len(_rows(flights[i])[0]), flights[i].epoch_s,
                                                        flights[i].provenance.path))
@@ -89,8 +90,8 @@ def overlap(a: Flight, b: Flight) -> bool:
 def apart(train: Sequence[Flight], test: Sequence[Flight]) -> tuple[list[Flight], dict[str, str]]:
     """(test recordings that share nothing with a training one; reason by name of the others).
 
-    Shared are rows at the same time of day, or all numbers whatever the time of day. Order, names and file hashes do
-    not matter.
+    Shared are rows at the same time of day, or all numbers at any time of day. Order, names and file hashes do not
+    matter.
     """
     known = {fingerprint(flight): flight for flight in train}
     kept, reasons = [], {}

@@ -65,7 +65,7 @@ def tidy(flight: Flight, needed: Needed) -> Flight:
     """The flight without rows of the needed streams that hold no number or whose stamps do not rise.
 
     Interpolation needs rising stamps; such rows are faults of the recording, which the audit lists. The flight itself
-    if there are none.
+    without any.
     """
     streams = {}
     for name in {part for names in needed for part in names.split("|")} & set(flight.streams):
@@ -111,7 +111,7 @@ def flown(flight: Flight, audit: Audit) -> tuple[Span, ...]:
 
 def cut_by(audit: Audit, needed: Needed) -> str | None:
     """The faults that leave less than SHORTEST_S of a flight in the needed streams, in words; None if more is left, or
-    it was not in the air that long. All of a recording counts whose truth cannot tell when it flew."""
+    it was not in the air that long. The whole recording counts if the truth does not show when it flew."""
     streams = {part for names in needed for part in names.split("|")}
     flight = audit.airborne or (audit.span,)
     flown = sum(span.duration_s for span in flight)

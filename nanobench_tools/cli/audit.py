@@ -1,4 +1,4 @@
-"""``nanobench audit``: what is wrong with recordings, and where they may be used."""
+"""``nanobench audit``: finds what is wrong with recordings, and where they may be used."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def audit(options: Options) -> int:
     """Find the faults of recordings, the spans that are clean, whose clock is late, and copies.
 
     One line per recording: how much of the flight is usable, what is wrong in words, what to do. Severity is fine,
-    minor (corrected, or next to nothing is cut), cut, or unusable. --verbose lists every recording with its numbers and
-    every fault with its evidence; --json and --out DIR (audit.json) hold everything.
+    minor (corrected, or next to nothing is cut), cut, or unusable. Option --verbose lists every recording with its
+    numbers and every fault with its evidence. The files of --json and --out DIR (audit.json) hold everything.
     """
     flights = options.load()
     audits, copies = options.audit(flights)

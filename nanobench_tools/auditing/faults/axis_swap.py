@@ -1,9 +1,9 @@
 """axis_swap: columns of a vector have changed places.
 
-Found by the correlations of all axes of a stream with all axes of what the motion capture predicts (as in ``sign``):
-another order of axes must raise their sum by 0.5, every axis that moved must correlate by more than 0.4 with its new
-partner and with one sign over the seconds of the flight. Gravity that lies along x or y gives the accelerometer's away.
-Axes that turned as a whole are ``frame``.
+Found by the correlations of all axes of a stream with all axes of the motion capture's prediction (as in ``sign``).
+Another order of axes must raise their sum by 0.5. Every axis that moved must correlate by more than 0.4 with its new
+partner and with one sign over the seconds of the flight. Gravity that lies along x or y gives the accelerometer's
+away. Axes that turned as a whole are ``frame``.
 
 Size: nan. Smallest found: axes that both move enough for a correlation of 0.4.
 """

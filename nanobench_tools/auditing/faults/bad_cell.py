@@ -1,8 +1,8 @@
 """bad_cell: text, an infinity, a gigantic number or nothing where a number belongs, or a row with too few or too many
 cells.
 
-Found by the reader, which names line and column; what is not a number in a stream and was not named by it is found
-here, and so are numbers beyond any measurement (1e8 in SI units). Stretches of poses are ``mocap_occlusion``.
+Found by the reader, which gives line and column. This check finds other values that are not numbers, and numbers
+beyond any measurement (1e8 in SI units). Stretches of poses are ``mocap_occlusion``.
 
 Size: cells, or rows. Smallest found: one cell.
 """

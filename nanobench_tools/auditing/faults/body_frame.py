@@ -1,9 +1,9 @@
 """body_frame: the attitude of the motion capture belongs to other axes than the vehicle's.
 
-Found by a body of which no axis, or another one than z, points up from the first row on, without a fall before it: the
+Found by a body with no axis up, or another one than z, from the first row on, without a fall before it. Causes are the
 frame of a camera or of an inertial sensor, or markers defined while the vehicle was tilted. Positions, and changes of
-the attitude, are right; the attitude itself is not that of an upright vehicle. Where the recording has streams of the
-vehicle that have to be compared with it, a body with another axis up is ``frame``.
+the attitude, are right; the attitude itself is not that of an upright vehicle. A body with another axis up is
+``frame`` where the recording has streams of the vehicle that have to be compared with it.
 
 Size: tilt of the z axis in the first moment, rad. Smallest found: 30 deg.
 """

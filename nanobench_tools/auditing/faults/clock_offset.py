@@ -1,10 +1,10 @@
 """clock_offset: the stamps of a stream are late (positive) or early by a constant against the motion capture.
 
-Found where the 95 % interval of the offset (``constant.readings``) excludes zero by more than 5 ms. The gyro tells the
-clock of the vehicle's link; an estimator's stream that follows it by -15 to 50 ms shares it (that much may be the
-estimate's own delay), so its stamps are called wrong by themselves only beyond. Motors, requests, setpoints and battery
-are not seen by cameras and never get this fault, although they share the link. The interval widens when the clock
-wanders.
+Found where the 95 % interval of the offset (``constant.readings``) excludes zero by more than 5 ms. The gyro shows the
+clock of the vehicle's link. An estimator's stream that follows it by -15 to 50 ms shares it (that much may be the
+estimate's own delay). Its timestamps are reported as wrong separately only beyond that. Motors, requests, setpoints
+and battery are not seen by cameras and never get this fault, although they share the link. The interval widens when
+the clock wanders.
 
 Size: the offset in s. Smallest found: 5 ms and 2.5 half intervals; for an estimator's stream alone 50 ms more.
 """

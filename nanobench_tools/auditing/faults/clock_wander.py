@@ -1,14 +1,14 @@
 """clock_wander: the time error of a stream moves within the flight, beyond a constant and a line.
 
-Found in two ways. By scatter that noise does not explain (``drift_and_wander``): half-second lags of gyro and attitude
-against a placebo fit with the same spectrum, and the estimated position along its path against its error across. And
-by the error itself, row by row (``moving.infer``), where streams that did not set it confirm it. In the published
-recordings the link's clock wanders by 33 ms in steps of tenths of a second, for all streams alike; half seconds
-average part of that out, so the size is that of the error row by row where there is one. How it goes over time stands
+Found in two ways. By scatter that noise does not explain (``drift_and_wander``). It compares half-second lags of gyro
+and attitude with a placebo fit of the same spectrum, and the estimated position's error along its path with that
+across. And by the error itself, row by row (``moving.infer``), where streams that did not set it confirm it. In the
+published recordings the link's clock wanders by 33 ms in steps of tenths of a second, for all streams alike. Half
+seconds average part of that out, so the size is that of the error row by row if there is one. The wander over time is
 in the clock of the stream (``time_offset``).
 
-Size: standard deviation in s. Smallest found: stated per stream; 4 ms on the track; from the gyro alone 4-20 ms when it
-moves over seconds, up to 90 ms when it moves over tenths.
+Size: standard deviation in s. Smallest found: stated per stream; 4 ms on the track. From the gyro alone it is 4-20 ms
+when the clock moves over seconds, up to 90 ms when it moves over tenths.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """copy: two recordings hold the same numbers.
 
 Found by a fingerprint of stamps and values of all streams: not of bytes, names, sheets or the time of day. One
-recording alone cannot tell, so ``audit.find_copies`` compares many, and ``audit.with_copies`` writes the fault into the
-verdicts of all but the first of a group. A recording that is a stretch of another (the slices of a benchmark) is no
-copy: it is told by ``parts``, for whoever must not count a flight twice.
+recording alone cannot show it, so ``audit.find_copies`` compares many. Then ``audit.with_copies`` writes the fault
+into the verdicts of all but the first of a group. A recording that is a stretch of another (the slices of a benchmark)
+is no copy. The function ``parts`` finds these, so that no flight is counted twice.
 
 Size: none. Smallest found: equality to 1e-9 of every number.
 """
@@ -47,7 +47,7 @@ def copies(flights: Sequence[Flight]) -> list[list[int]]:
 
 
 def parts(flights: Sequence[Flight]) -> list[tuple[int, int]]:
-    """(part, whole): recordings whose first and last tracked poses stand in a longer one at the same time of day."""
+    """(part, whole): recordings whose first and last tracked poses are in a longer one at the same time of day."""
     spans = [(f.epoch_s + f.span.start_s, f.epoch_s + f.span.end_s) for f in flights]
     found = []
     for i, (start, end) in enumerate(spans):

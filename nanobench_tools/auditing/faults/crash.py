@@ -1,9 +1,9 @@
 """crash: the vehicle fell, tumbled or lay on its side.
 
-Found in the motion capture (else the estimate): the body z axis more than 60 deg from vertical for 0.1 s (the largest
-tilt in controlled flight of 79 real ones is 38 deg), or a steady fall faster than 3 m/s (the hardest real landings hit
-at 2.1). The span runs from the moment the motors stopped, at the earliest one second before, to the end of the
-recording: what is measured after a crash is of another vehicle, and no other check looks at it.
+Found in the motion capture (else the estimate). Either the body z axis is more than 60 deg from vertical for 0.1 s
+(the largest tilt in controlled flight of 79 real ones is 38 deg). Or there is a steady fall faster than 3 m/s (the
+hardest real landings hit at 2.1). The span runs from the moment the motors stopped, at the earliest one second before,
+to the end of the recording. After a crash the vehicle is another one, so no other check uses these rows.
 
 Size: the largest tilt afterwards, rad. Smallest found: 60 deg, or 3 m/s.
 """

@@ -1,14 +1,14 @@
 """dead_stream: the log of a stream ended before the recording did, and the resampler went on.
 
-Found by the last bend of the stream (``signals.dropouts``): behind it every column is exactly linear in time, which no
-sensor is, or stands exactly still although the stream always moves. Commands may stand still (a held setpoint, motors
-at 0); they are called dead only where the streams with noise are dead too. Streams may end at different times; each is
+Found by the last bend of the stream (``signals.dropouts``). Behind it every column is exactly linear in time, which no
+sensor is, or exactly constant although the stream always moves. Commands may stand still (a held setpoint, motors at
+0); they are called dead only where the streams with noise are dead too. Streams may end at different times; each is
 reported with its own. The battery, one packet in 0.1 s, may have sent packets after the reported end that lay on the
-line by chance; the end is never later than the true one by more than one packet.
+line by chance. The end is never later than the true one by more than one packet.
 
-Every dead end is reported, also the 0.2-0.4 s that the published files have on the ground because their streams
-were shifted by a constant after the logs were closed: those rows are as wrong as any and are cut. A reader who wants
-to know whether a log stopped in the air compares start_s with ``airborne``.
+Every dead end is reported. Published files have 0.2-0.4 s of it on the ground, because their streams were shifted by a
+constant after the logs were closed. Those rows are as wrong as any and are cut. A reader who wants to know whether a
+log stopped in the air compares start_s with ``airborne``.
 
 Size: seconds from the last packet to the end. Smallest found: 0.1 s, or 5 packets of a stream slower than 50 Hz
 (shorter ends are lost to the radio by chance). Times are right to one packet. Not found: the death of a stream that

@@ -1,13 +1,12 @@
 """estimator_reset: the estimated position jumps although the vehicle did not.
 
 Found by the step of (estimate - motion capture) from the medians of five rows before to five rows after. The link's
-clock makes steps too, but only along the path: there the limit is 0.1 m + 0.2 s times the speed (clocks jump by up to
-0.1-0.2 s), across it 0.08 m (a turning path bends away by a centimetre or two in 0.1 s). Without motion capture the
-step of the estimate itself is taken beyond the path that its own velocity explains, with a limit of 0.3 m. One entry
-per jump; the span runs until the error is back below a third of the jump, 2 s at most.
+clock makes steps too, but only along the path. There the limit is 0.1 m + 0.2 s times the speed (clocks jump by up to
+0.1-0.2 s). Across the path it is 0.08 m (a turning path bends away by a centimetre or two in 0.1 s). Without motion
+capture the step of the estimate itself is taken beyond the path that its own velocity explains, with a limit of 0.3 m.
+One entry per jump; the span runs until the error is back below a third of the jump, 2 s at most.
 
-Size: metres. Smallest found whatever its direction: 1.3 times the root of the sum of both limits squared,
-0.28 m at 0.5 m/s.
+Size: metres. Smallest found in any direction: 1.3 times the root of the sum of both limits squared, 0.28 m at 0.5 m/s.
 """
 
 from __future__ import annotations

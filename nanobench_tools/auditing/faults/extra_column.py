@@ -1,6 +1,6 @@
 """extra_column: a column that the format does not have, or the same one twice.
 
-Found by the reader, which keeps its numbers in a stream of their own.
+Found by the reader, which keeps its numbers in a separate stream.
 Size: columns. Smallest found: one column.
 """
 

@@ -1,11 +1,11 @@
 """frame: a stream is in other axes than it should be, turned as a whole (FRD for FLU, NED for z up, y up).
 
-Found by what the vehicle does. The tracked poses: a multirotor speeds up towards the side to which it tilts, and flies
-above the ground on which it stood (``signals.flown_axes``); inverted quaternions and an attitude in a world of another
-heading tilt to another side (``signals.tilt_heading``). The other streams: their correlation with what the motion
-capture predicts, and gravity, for each of the 24 rotations by quarter and half turns (``signals.stream_frames``). Gyro
-and accelerometer turn together, poses and attitude together, and an axis that does not move turns with the others. One
-negated column is ``sign``, two that changed places ``axis_swap``.
+Found by what the vehicle does. The tracked poses: a multirotor accelerates towards the side to which it tilts, and
+flies above the ground on which it rested (``signals.flown_axes``). Inverted quaternions and an attitude in a world of
+another heading tilt to another side (``signals.tilt_heading``). The other streams: their correlation with the motion
+capture's prediction, and gravity. Both are evaluated for each of the 24 rotations by quarter and half turns
+(``signals.stream_frames``). Gyro and accelerometer turn together, poses and attitude together, and an axis that does
+not move turns with the others. One negated column is ``sign``, two that changed places ``axis_swap``.
 
 Axes are named by where they point (``axes``): FRD is forward, right, down; a world ENU is one with z up.
 

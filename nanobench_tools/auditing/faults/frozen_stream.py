@@ -1,12 +1,13 @@
 """frozen_stream: a stream, or one of its columns, repeats a value for a while and then goes on.
 
 Found by rows that equal the row before exactly. Streams with noise (IMU, estimates) repeat a packet now and then when
-the estimator had nothing new: up to 0.09 s in 72 real flights, so 0.15 s is the limit. Commands count only where they
-cannot rightly stand (``signals.dropouts.holds_still_rightly``: motors in between 0 and full, requests of an active
-controller); a held setpoint is no fault and its freezing cannot be seen, and on a thrust stand everything may. Single
-columns are looked at where a sensor's or estimate's step is far below its noise (IMU, estimated position, velocity,
-acceleration). The motion capture's repeated poses are ``mocap_occlusion``; standing still to the end is
-``dead_stream``, except for a battery that shows one value from the first row to the last while the motors run.
+the estimator had no new value. This lasts up to 0.09 s in 72 real flights, so 0.15 s is the limit. Commands count only
+where they cannot plausibly be constant (``signals.dropouts.holds_still_rightly``: motors in between 0 and full,
+requests of an active controller). A held setpoint is no fault, so its freezing cannot be detected. On a test rig every
+stream may be constant. Single columns are looked at where a sensor's or estimate's step is far below its noise (IMU,
+estimated position, velocity, acceleration). The motion capture's repeated poses are ``mocap_occlusion``. A stream that
+is constant to the end is ``dead_stream``, except for a battery that shows one value from the first row to the last
+while the motors run.
 
 Size: seconds. Smallest found: 0.15 s; battery 3 s.
 """

@@ -1,15 +1,16 @@
 """gap: no sample of a stream for a while.
 
-Found in two ways. Resampled streams: rows on a straight chord that moves (chord test) between two packets further apart
-than 0.1 s, or than 10 of its usual packet intervals if the stream is slower than 50 Hz (equal readings hide packets).
-Streams with separate stamps: stamps that far apart. For the motion capture: frames further apart than 0.05 s
-(single frames are lost ordinarily, 20-40 ms), or, where poses came irregularly, than 2.5 times the step that 95 % of
-them do not exceed. When the rows of a table are missing, they are missing for each of its streams.
+Found in two ways. Resampled streams: rows on a straight chord that moves (chord test) between two packets further
+apart than 0.1 s. If the stream is slower than 50 Hz, the limit is 10 of its usual packet intervals (equal readings
+hide packets). Streams with separate stamps: stamps that far apart. For the motion capture: frames further apart than
+0.05 s (single frames are lost ordinarily, 20-40 ms). Where poses came irregularly, the limit is 2.5 times the step
+that 95 % of them do not exceed. When the rows of a table are missing, they are missing for each of its streams.
 
-A setpoint that is planned as a straight line is a straight chord by right, so setpoints are judged only beyond 0.25 s,
-only if most rows of the half second on either side bend (as those of a curved path streamed at 100 Hz do), and only if
-the chord begins and ends with a kink of 4 times the usual bend there: in a chord of n rows n / 2 bends are missing at
-either end, while a path that straightens by itself goes over smoothly, at least on one side of a corner.
+A setpoint that is planned as a straight line is rightly a straight chord. Setpoints are therefore judged only under
+three conditions. The chord lasts more than 0.25 s. Most rows of the half second on either side bend (as those of a
+curved path streamed at 100 Hz do). The chord begins and ends with a bend of 4 times the usual one there. The reason:
+in a chord of n rows n / 2 bends are missing at either end. A path that really straightens does so smoothly, at least
+on one side of a corner.
 
 Size: seconds between the samples. Smallest found: 0.1 s (0.05 s motion capture, 0.25 s setpoint, 1 s battery), plus
 one row.
@@ -57,8 +58,8 @@ def _bends_around(straight: np.ndarray, a: int, b: int) -> bool:
 
 
 def _kinked(values: np.ndarray, a: int, b: int) -> bool:
-    """Whether the chord over rows a - 1 to b of ``values`` (n, k) begins and ends with bends larger than those of the
-    neighbouring rows."""
+    """Whether the chord over rows a - 1 to b of ``values`` (n, k) begins and ends with large bends, compared with
+    those of the neighbouring rows."""
     bend = np.abs(np.diff(values, 2, axis=0)).max(axis=1)  # of the row after each
     beside = np.concatenate([bend[max(a - 52, 0):max(a - 3, 0)], bend[b + 1:b + 51]])
     ends = [bend[max(row - 2, 0):row + 1] for row in (a - 1, b)]
@@ -71,7 +72,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     packets = context.once(packets_of)
     for name, stream in context.once(usable_streams).items():
         if len(stream) < 3 or name not in packets or name == "extra":
-            continue  # columns nobody knows may be straight lines, such as a counter of rows
+            continue  # unknown columns may be straight lines, such as a counter of rows
         shortest = shortest_s(name, packets[name].interval_s)
         found: set[tuple[float, float]] = set()
         t = stream.time_s

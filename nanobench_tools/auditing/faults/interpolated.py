@@ -1,6 +1,6 @@
-"""interpolated (information, no fault): how many rows of a stream carry no packet of their own.
+"""interpolated (information, no fault): how many rows of a stream carry no packet.
 
-Found from the number of packets: the recording's sheet counts them, else they are estimated from the kinks of the
+Found from the number of packets: the recording's sheet counts them, else they are estimated from the corners of the
 piecewise straight lines. Interpolated rows must not count as independent measurements. Size: share of the rows.
 Smallest reported: 1 %.
 """
@@ -24,7 +24,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     faults = []
     for name, rate in context.once(rates_of).items():
         if name == "extra":
-            continue  # nobody knows whether its columns have packets
+            continue  # whether its columns have packets is unknown
         stream = flight.streams[name]
         share = 1.0 - rate.samples / len(stream) if len(stream) else 0.0
         if share > SMALLEST:

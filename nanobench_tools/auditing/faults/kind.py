@@ -39,7 +39,7 @@ class Injection:
 
     sizes: from near the detection limit to plain, in ``unit``; (None,) if a size makes no sense. ``cases``: further
     keyword arguments worth trying. ``blind``: deals of ``nanobench prove``. The truth's size has the unit of the
-    audit's smallest detectable size, which for some kinds differs from the argument here (a fraction of the peak).
+    audit's smallest detectable size. For some kinds that differs from the argument here (a fraction of the peak).
     """
 
     function: Callable[..., Any]
@@ -56,8 +56,8 @@ class FaultKind:
 
     Effect. ``cuts``: its rows must not be used. ``spares``: streams in which it leaves the other streams intact.
     ``corrected``: timestamps are corrected rather than cut; ``left_s(fault)``: the largest remaining time error if such
-    a fault is found once more. ``cuts_logs``: rows of a logged estimate or command differ from what was sent (a jump of
-    an estimate is its error and is scored); None: as ``cuts``. ``cuts_trim``: a mean of the commands is not a trim
+    a fault is found once more. ``cuts_logs``: rows of a logged estimate or command differ from the sent values. A jump
+    of an estimate is its error and is scored; None: as ``cuts``. ``cuts_trim``: a mean of the commands is not a trim
     there; None: as ``cuts``.
 
     Extent. ``whole``: in every row of the recording. ``across``: faults in several streams are one event.
@@ -65,9 +65,9 @@ class FaultKind:
     corrected.
 
     Text. ``told``: an event in plain words, without a full stop (``fault_events`` defines {streams}, {columns},
-    {count}, {seconds}, {size} ...); if empty, the first sentence of ``doc``. ``advice``: what to do. ``in_overview``:
-    False if rates and numbers of samples show it already. ``in_diagnosis``: False if irrelevant to a diagnosis of the
-    vehicle.
+    {count}, {seconds}, {size} ...). If empty, it is the first sentence of ``doc``. ``advice``: what to do.
+    ``in_overview``: False if rates and numbers of samples show it already. ``in_diagnosis``: False if irrelevant to a
+    diagnosis of the vehicle.
 
     ``injection``, ``file_injection``: an ``Injection``, or its place (``module:NAME``), loaded on demand.
     """

@@ -54,6 +54,6 @@ def log_ended() -> frozenset[str]:
 
 
 def group_of(name: str) -> str:
-    """``lost`` | ``value`` | ``clock`` | ``flight`` | ``information``, which is also that of an unknown kind."""
+    """``lost`` | ``value`` | ``clock`` | ``flight`` | ``information``. The last one is also that of an unknown kind."""
     kind = kinds().get(name)
     return kind.group if kind else "information"

@@ -11,7 +11,7 @@ import numpy as np
 from ...flight import Fault, Flight
 
 SINCE = ", since "
-"""In an evidence: what was found, and what shows it."""
+"""In an evidence: the finding, and what shows it."""
 
 
 def over_stream(kind: str, flight: Flight, name: str, quantities: Iterable[str] | None, size: float, unit: str,

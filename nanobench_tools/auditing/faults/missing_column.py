@@ -1,8 +1,8 @@
 """missing_column: a column of the format is not in the file, or holds no value.
 
-Found by the reader. In a flight that no reader has judged, elements that are missing from a vector of which others
-are there (two axes of a gyro, motors 1, 2 and 4) are found here; how many motors there are, only the reader can know.
-Takes no time away: whoever needs the column gets an InputError that names it.
+Found by the reader. In a flight without a reader's verdict, this check finds elements that are missing from a vector
+of which others are present (two axes of a gyro, motors 1, 2 and 4). Only the reader can know how many motors there
+are. Takes no time away: whoever needs the column gets an InputError that names it.
 
 Size: columns. Smallest found: one column.
 """
@@ -53,7 +53,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         there = set(stream.quantities) - empty
         vectors = VECTORS.get(name) or (_up_to_the_last(there),)
         missing = tuple(q for vector in vectors if there & set(vector) for q in vector if q not in there)
-        # a stream of which nothing is left but what stands alone was never recorded
+        # a stream with only independent columns left was never recorded
         if missing:
             columns = _column_names(name, stream, missing)
             evidence = f"{name} has {', '.join(sorted(there))} but not {', '.join(missing)}"

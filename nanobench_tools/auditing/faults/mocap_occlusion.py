@@ -1,7 +1,7 @@
 """mocap_occlusion: the tracker lost sight of the vehicle and its rows were filled.
 
 Found where poses are not numbers, repeat the pose before exactly, or lie on a straight line between two frames (chord
-test); a tracker's noise allows neither. Frames that are missing altogether are a ``gap`` of the motion capture.
+test). The noise of a tracker excludes both. Frames that are missing altogether are a ``gap`` of the motion capture.
 Standing still to the end of the recording is ``dead_stream``.
 
 Size: seconds between the true poses on either side. Smallest found: 0.05 s (2.5 usual steps where poses are rarer than

@@ -1,14 +1,14 @@
 """saturated_sensor: a gyro or accelerometer stuck at the end of its range.
 
-Found by rows that equal the largest (or smallest) value of their column exactly: a sensor with noise meets its own
+Found by rows that equal the largest (or smallest) value of their column exactly. A sensor with noise meets its own
 extreme once (1224 of 1224 column ends of 102 real recordings), one that clips meets it again and again. At least three
-rows, and three times as many as at any of the five values next to it, so that coarse steps of a quiet sensor do not
+rows, and three times as many as at any of the five values next to it. Coarse steps of a quiet sensor thus do not
 count. One entry per column and end of the range; the span runs from the first to the last such row. A frozen stream
 repeats all columns and is reported as that. Rows drawn between two packets count: a line between two clipped ones is
 clipped.
 
-Size: rows at that end of the range. Smallest found: 3, or three times the rows at the fullest of the five values beside
-(1 for a sensor with noise). A shorter clip looks like any extreme and is not found.
+Size: rows at that end of the range. Smallest found: 3, or three times the rows at the fullest of the five neighbouring
+values (1 for a sensor with noise). A shorter clip looks like any extreme and is not found.
 """
 
 from __future__ import annotations
@@ -59,6 +59,6 @@ def find(flight: Flight, context: Context) -> list[Fault]:
 
 
 FAULT = FaultKind(KIND, find, __doc__,
-                  told="{columns} stand{s} at the end of {its} range {count}",
+                  told="{columns} saturate{s} at the end of {its} range {count}",
                   cuts=True, cuts_logs=False, cuts_trim=False,
                   injection="nanobench_tools.practice.inject.streams:SATURATED_SENSOR")

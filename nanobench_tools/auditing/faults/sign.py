@@ -1,13 +1,13 @@
 """sign: a column is negated.
 
-Found by its correlation with what the motion capture predicts for it in the air (gyro, specific force, attitude rates,
-estimated position, velocity and acceleration, requested attitude, setpoint), at the lag that fits the whole stream
-best: below -0.4, with one sign in the seconds of the flight (t > 4), and clearly better than any lag without a change
-of sign. The accelerometer's z is judged by gravity. True correlations of real flights are +0.2 to +1.0. When gyro and
-estimated attitude are both negated, the motion capture is.
+Found by its correlation with the motion capture's prediction in the air (gyro, specific force, attitude rates,
+estimated position, velocity and acceleration, requested attitude, setpoint). The correlation is taken at the lag that
+fits the whole stream best. It is below -0.4, with one sign in the seconds of the flight (t > 4), and clearly better
+than any lag without a change of sign. The accelerometer's z is judged by gravity. True correlations of real flights
+are +0.2 to +1.0. When gyro and estimated attitude are both negated, the motion capture is.
 
-Size: the correlation's sign, -1. Smallest found: any axis that moves enough for a correlation of 0.4; an axis without
-(yaw in flights that hold their heading, a world axis not flown along) is not judged.
+Size: the correlation's sign, -1. Smallest found: any axis that moves enough for a correlation of 0.4. Other axes (yaw
+in flights that hold their heading, a world axis not flown along) are not judged.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def wrong_signs(context: Context) -> list[tuple[str, str, str]]:
 
 
 def _or_frd(context: Context, axis: int) -> str:
-    """Where nothing shows the axes of the gyro, gravity alone cannot tell one negated column from a turned sensor."""
+    """If the axes of the gyro are unknown, gravity alone cannot separate one negated column from a turned sensor."""
     if axis != 2 or "gyro_x" not in context.flight["imu"] or sums_of(context, gyro_pair) is not None:
         return ""
     return '; if y points right, too, the whole sensor is in FRD axes: write frame = "FRD"'

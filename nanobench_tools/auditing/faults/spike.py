@@ -1,15 +1,15 @@
 """spike: one sample (up to three rows, since interpolation spreads it) that sticks out and is gone again.
 
 Found as the distance of a row from the median of the seven rows around it. A spike is farther off than the vehicle can
-get in 30 ms (``signals.spikes.LIMITS``, per quantity, from its agility: 40 m/s^2, 300 rad/s^2, and the radio clock's
-jumps of up to 70 ms for estimates) and more than 12 times the median distance of the rows within half a second (noise
-of this very place). Accelerometer, gyro, accelerations and attitude are not judged within 0.2 m of the ground from
-take-off on, where true shocks look the same; positions are not where they turn round there, as in a bounce. Motors,
-requests and setpoints may jump by right. One entry per spike.
+get in 30 ms, and more than 12 times the median distance of the rows within half a second (noise of this very place).
+``signals.spikes.LIMITS`` gives the first limit per quantity, from its agility: 40 m/s^2, 300 rad/s^2, and the radio
+clock's jumps of up to 70 ms for estimates. Accelerometer, gyro, accelerations and attitude are not judged within 0.2 m
+of the ground from take-off on, where true shocks look the same. Positions are not judged where they turn round there,
+as in a bounce. Motors, requests and setpoints may jump by right. One entry per spike.
 
-Size: distance, in the unit of the column. Smallest found: the larger of the two limits (or twice what the vehicle moves
-from the row before to the row after, lest a jump that stays be taken for a spike), and a row's movement and noise more,
-which may hide it; 2 cm for the motion capture of a resting vehicle, 6 cm at 1 m/s.
+Size: distance, in the unit of the column. Smallest found: the larger of the two limits. If larger, twice the
+vehicle's motion from the row before to the row after, so that a jump that stays is not taken for a spike. A row's
+movement and noise are added, which may hide it. It is 2 cm for the motion capture of a resting vehicle, 6 cm at 1 m/s.
 """
 
 from __future__ import annotations

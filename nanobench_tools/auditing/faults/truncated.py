@@ -1,8 +1,8 @@
 """truncated: the file ends early.
 
-Found by the reader: a last row or record that is cut off, or fewer rows than the recording's sheet counts and
-an end more than 0.1 s before the one it names (rows alone may be missing inside, or be rarer).
-Size: rows or bytes that are missing, as far as known. Smallest found: one.
+Found by the reader: a last row or record that is cut off. Or fewer rows than the recording's sheet counts, with an end
+more than 0.1 s before the stated one (rows alone may be missing inside, or be rarer). Size: rows or bytes that are
+missing, as far as known. Smallest found: one.
 """
 
 from __future__ import annotations
@@ -22,5 +22,5 @@ def find(flight: Flight, context: Context) -> list[Fault]:
 
 FAULT = FaultKind(KIND, find, __doc__,
                   told="the file ends early",
-                  advice="copy the log again; what is there is used",
+                  advice="copy the log again; the existing part is used",
                   group="lost", file_injection="nanobench_tools.practice.inject.files:TRUNCATED")

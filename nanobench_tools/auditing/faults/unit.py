@@ -1,9 +1,10 @@
-"""unit: a stream is in another unit than it should be (deg for rad, g for m/s^2, mV for V, mm for m, counts for ratio).
+"""unit: a stream has the wrong unit (deg for rad, g for m/s^2, mV for V, mm for m, counts for ratio).
 
-Found in two ways. Size alone: the time between rows, specific force against gravity, battery against what cells give,
-motor commands against full, angles beyond two turns, a tracked position wider than a room. Comparison: the amplitude of
-rates, angles, velocities and positions in the air against the motion capture (``signals.axis_unit_matching``), where
-the two correlate by more than 0.4. When estimator and setpoint are both off by the same factor, the motion capture is.
+Found in two ways. Size alone: the time between rows, specific force against gravity, battery against the voltage of
+cells, motor commands against full. Also angles beyond two turns, and a tracked position wider than a room. Comparison:
+the amplitude of rates, angles, velocities and positions in the air against the motion capture
+(``signals.axis_unit_matching``). It needs a correlation of the two of more than 0.4. When estimator and setpoint are
+both off by the same factor, the motion capture is.
 
 Size: the factor. Smallest found: 3 (or 1/3); true ones are 0.4-1.3 in the real flights (motion capture noise, clock),
 the smallest common mistake is 9.81. Not found: scale errors of calibration.

@@ -1,9 +1,9 @@
 """wrong_speed: a rotor speed sensor that misses pulses or reads nothing while its motor runs.
 
-Found where the speed of one motor is less than two thirds of what the others run at although it is commanded as they
-are, within 15 %: thrust goes with the square, and a vehicle whose one motor gave less than half of it would fall over.
-An optical sensor that misses one blade of two reads half, one that lost its light reads nothing. Rows are averaged over
-0.1 s, longer than motors take to follow. Thrust per squared speed read from such a log is too large.
+Found where the speed of one motor is less than two thirds of the others' although its command equals theirs within 15
+%. Thrust goes with the square, and a vehicle with one motor at less than half of it would fall over. An optical sensor
+that misses one blade of two reads half, one that lost its light reads nothing. Rows are averaged over 0.1 s, longer
+than motors take to follow. Thrust per squared speed read from such a log is too large.
 
 Size: share of the rows. Smallest found: 0.3 s in all. Not found: two sensors or more that fail alike.
 """
