@@ -253,7 +253,11 @@ def _down(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
                            'write frame = "EUS/FUR" in [streams.mocap]')
     for stream, name in (("mocap", "pz"), ("estimator", "z")):
         key = (stream, name)
-        if key in draft.mapped and stream not in draft.frames and draft.mapped[key].sign > 0 and \
-                evidence.falls_in_flight(values[draft.mapped[key].column]):
-            draft.notes.append(f"{draft.mapped[key].column} falls in flight: z points down (NED?); if so, write "
-                               f"frame = \"NED\" in [streams.{stream}]")
+        if key not in draft.mapped or stream in draft.frames or draft.mapped[key].sign < 0:
+            continue
+        column = draft.mapped[key].column
+        height = values[column][np.isfinite(values[column])]
+        falls = evidence.falls_in_flight(height)
+        if falls or (len(height) and height.max() < 0.0):
+            draft.notes.append(f"{column} {'falls in flight' if falls else 'is below 0 in every row'}: z points down "
+                               f"(NED?); if so, write frame = \"NED\" in [streams.{stream}]")

@@ -26,6 +26,7 @@ BODIES = {(2, 1): "FLU", (2, -1): "FRD", (1, 1): "FUR", (1, -1): "FDL", (0, 1): 
 """The same of a body; its heading stays that of the tracker."""
 FOREIGN_RAD = number("audit.pose_frame.foreign_rad")
 CLEARLY = number("audit.pose_frame.clearly")
+OTHER_FOLLOWS = number("audit.pose_frame.other_follows")
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ def pose_frame(context: Context) -> PoseFrame:
     usual, ground = found.get((UP, UP)), context.once(ground_axes)
     if usual is not None and usual.flies:
         return PoseFrame()
-    better = usual.follows + CLEARLY if usual is not None and usual.upright > UPRIGHT else 0.0
+    better = max(OTHER_FOLLOWS, usual.follows + CLEARLY if usual is not None and usual.upright > UPRIGHT else 0.0)
     flying = {axes: tilt for axes, tilt in found.items()
               if tilt.flies and tilt.follows > better and (not ground or axes[0] in ground)}
     if flying:

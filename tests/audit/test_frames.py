@@ -183,6 +183,29 @@ def test_a_slow_flight_shows_down_by_the_ground(flown):
         assert (span.start_s, span.end_s) == pytest.approx((2.2, 17.8), abs=0.4)
 
 
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(("body", "kinds"), [(NED, []), (np.eye(3), ["body_frame"])])
+def test_a_slow_flight_without_take_off_shows_no_axes_by_chance(flown, seed, body, kinds):
+    """Poses in a world with z down: 20 cm in 10 s tilt the vehicle by half a degree."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, 30.0, 0.02)
+    w = 2.0 * np.pi / 10.0
+    p = np.stack([0.2 * np.sin(w * t + rng.uniform(0.0, 6.0)), 0.2 * np.sin(0.7 * w * t),
+                  1.0 + 0.06 * np.sin(0.5 * w * t)], axis=1)
+    pull = np.gradient(np.gradient(p, 0.02, axis=0), 0.02, axis=0) / 9.81
+    turn = Rotation.from_euler("zyx", np.column_stack([0.5 * np.sin(0.3 * w * t), pull[:, 0], -pull[:, 1]]))
+    p += 5e-4 * rng.standard_normal(p.shape)
+    stream = flown["circle"]["mocap"]
+    poses = np.column_stack([p, turn.as_quat()])
+    still = flown["circle"].without_streams(*set(flown["circle"].streams) - {"mocap"}).with_streams(
+        mocap=replace(stream, time_s=t, values=poses, columns=POSITION + ROTATION, quantities=POSITION + ROTATION,
+                      unit=("m",) * 3 + ("1",) * 4, samples=None))
+    assert about_frames(still) == []
+    found = about_frames(with_poses(still, NORTH_EAST, NORTH_EAST if body is NED else body))
+    assert [kind for kind, *_ in found] == kinds
+    assert all("or z of its world points down" in evidence for *_, evidence in found)
+
+
 def hand_held(seconds=12.0, tilt_deg=130.0, seed=5):
     """A camera that looks ahead and is carried about, z of its body forward."""
     rng = np.random.default_rng(seed)

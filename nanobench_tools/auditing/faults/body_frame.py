@@ -32,6 +32,8 @@ def find(flight: Flight, context: Context) -> list[Fault]:
                             f"{what}: {frame.evidence}", FOREIGN_RAD)]
     if frame.world == UP and frame.body not in (None, UP) and set(context.flight.streams) == {"mocap"}:
         what = f"the attitude belongs to a body frame with {NAMES[frame.body]} up"
+        if frame.body == (2, -1):
+            what += ", or z of its world points down: the motion is too slow to show which"
         return [over_stream(KIND, context.flight, "mocap", ROTATION, math.pi if frame.body[0] == 2 else math.pi / 2,
                             "rad", f"{what}: {frame.evidence}", FOREIGN_RAD)]
     return []
@@ -41,4 +43,4 @@ FAULT = FaultKind(KIND, find, __doc__,
                   told="the attitude belongs to another body frame than the vehicle's (z axis tilted by {degrees} from "
                        "the start)",
                   advice="turn the quaternions into the vehicle's axes before attitudes are compared; positions are "
-                         "right")
+                         "right unless z of the world points down")
