@@ -62,7 +62,8 @@ def rotate(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
     """Body vectors (..., 3) into the world by quaternions (..., 4), with broadcasting."""
     q, v = np.asarray(quaternion, float), np.asarray(vector, float)
     t = 2.0 * cross(q[..., :3], v)
-    return v + q[..., 3:] * t + cross(q[..., :3], t)
+    turned: np.ndarray = v + q[..., 3:] * t + cross(q[..., :3], t)
+    return turned
 
 
 def rotate_inverse(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
