@@ -1,8 +1,8 @@
 """Search for gains on an ensemble of plants, tested on unseen plants and paths.
 
-The covariance matrix adaptation evolution strategy proposes the logarithms of the gains and minimises ``objective``
-(Hansen, Ostermeier 2001, doi:10.1162/106365601750190398; package ``cma``). Half of the plants have a radio that is
-later than controllers assume. The best few and the original gains then fly on other plants, the same paths, and the
+The covariance matrix adaptation evolution strategy proposes the logarithms of the gains and minimises ``objective``.
+Source: Hansen, Ostermeier 2001, doi:10.1162/106365601750190398; package ``cma``. Half of the plants have a radio that
+is later than controllers assume. The best few and the original gains then fly on other plants, the same paths, and the
 best there is chosen. The reason: the best of many on a few plants partly fits just these.
 """
 

@@ -31,7 +31,7 @@ class FirmwareEkf:
     Inputs:
 
     - the poses in ``mocap``, each applied at its timestamp with no delay;
-    - the recorded IMU, a row per 10 ms of the vehicle's samples at 1 ms; samples between two rows are interpolated
+    - the recorded IMU, a row per 10 ms of the vehicle's samples at 1 ms. Samples between two rows are interpolated
       linearly (``held``: a row applies until the next);
     - the motors, for the flag "flying" (without them it flies from the start).
 

@@ -30,8 +30,8 @@ class ImuNoise:
     Noise densities.
 
     - gyro [rad/s/sqrt(Hz)], acc [m/s^2/sqrt(Hz)]; walks [rad/s^2/sqrt(Hz)], [m/s^3/sqrt(Hz)].
-    - stamp [s/sqrt(Hz)]: the wander of the timestamps, which makes noise in proportion to the slope of a signal (0
-      where it is part of the densities).
+    - stamp [s/sqrt(Hz)]: the wander of the timestamps, which makes noise in proportion to the slope of a signal. It is
+      0 where it is part of the densities.
     - vertical [m/s^2/sqrt(Hz)]: acc along the rotors' axis (0: as acc).
     - rate_hz: the true rate of the packets they were measured at.
 

@@ -81,8 +81,8 @@ def _crossed(v: np.ndarray, rot: np.ndarray, out: np.ndarray) -> None:
 @nb.njit(cache=True)
 def _transition(c: np.ndarray, out: np.ndarray, dt: float, rot: np.ndarray, v_rot: np.ndarray,
                 p_rot: np.ndarray) -> None:
-    """out = (F c)^T for the transition F of one step. Gravity turns an error of attitude into one of velocity, and
-    biases enter by the adjoint with the parts rot, v x rot and p x rot (3, 3)."""
+    """out = (F c)^T for the transition F of one step. Gravity turns an error of attitude into one of velocity. Biases
+    enter by the adjoint with the parts rot, v x rot and p x rot (3, 3)."""
     g = GRAVITY_M_S2 * dt
     for j in range(ERROR):
         for k in range(ERROR):
@@ -211,7 +211,7 @@ def _filter(time_s: np.ndarray, acc: np.ndarray, gyro: np.ndarray, flying: np.nd
 @nb.njit(cache=True)
 def _given_out(c: np.ndarray, out: np.ndarray, p: np.ndarray, v: np.ndarray, rot: np.ndarray) -> None:
     """out (9, 9) = (B c)^T. B gives errors of position, velocity (world) and attitude (body) from the invariant ones,
-    to first order: a world rotation theta moves the position by theta x p. Applied twice, it gives the covariance."""
+    to first order. A world rotation theta moves the position by theta x p. Applied twice, it gives the covariance."""
     for j in range(9):
         x, y, z = c[0, j], c[1, j], c[2, j]
         out[j, 0] = c[6, j] + y * p[2] - z * p[1]

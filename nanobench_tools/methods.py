@@ -72,8 +72,8 @@ class Windows:
 
     - position_m, velocity_m_s (n, 3) world; quaternion (n, 4); rate_rad_s (n, 3) body: the start state.
     - motor (n, H, 4) PWM ratio and battery_V (n, H): the inputs held over step j to j + 1.
-    - motor_past (n, P, 4) and battery_past (n, P): the same over the P rows before the start (the first repeated where
-      there were fewer), or None.
+    - motor_past (n, P, 4) and battery_past (n, P): the same over the P rows before the start, or None. Where there
+      were fewer, the first is repeated.
 
     ``past`` is given to predictors of class ``past`` alone.
     """

@@ -9,11 +9,11 @@ The same functions three ways:
 - the model's equations in JAX, ``jvp`` and ``vmap`` over directions and windows and ``scan`` over rows, in double
   precision.
 
-The fit is the full model of ``nanobench sysid`` until convergence, small (every twelfth window) and full (every third,
-as in ``fit_speed``). The plant is that of Task 2 behind the firmware's compiled controllers, a second of 32 and of 512
-vehicles. Cold: no function is compiled, neither in memory nor on disk; smallest size. Warm: every function is
-compiled, as with a full disk cache. Medians of N runs that take turns, one thread, and times over ours. Without JAX
-its column is left out. Without recordings, practice flights (SYNTHETIC).
+The fit is the full model of ``nanobench sysid`` until convergence, small and full. Small uses every twelfth window,
+full every third, as in ``fit_speed``. The plant is that of Task 2 behind the firmware's compiled controllers, a second
+of 32 and of 512 vehicles. Cold: no function is compiled, neither in memory nor on disk; smallest size. Warm: every
+function is compiled, as with a full disk cache. Medians of N runs that take turns, one thread, and times over ours.
+Without JAX its column is left out. Without recordings, practice flights (SYNTHETIC).
 """
 
 from __future__ import annotations

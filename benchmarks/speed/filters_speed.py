@@ -4,8 +4,8 @@
 
 A practice flight with a pose every 10 ms for the first half, none afterwards.
 
-"plain NumPy" does the arithmetic of the compiled core row by row (23 states: propagation by dense matrices, the six
-scalars of a pose, two of drag); GTSAM's NavStateImuEKF (9 states, no biases, no drag) is called from Python row by
+"plain NumPy" does the arithmetic of the compiled core row by row. It has 23 states: propagation by dense matrices, the
+six scalars of a pose, two of drag; GTSAM's NavStateImuEKF (9 states, no biases, no drag) is called from Python row by
 row, with positions as measurements. The median of five runs; compilation is not counted. All in processor time of one
 process.
 """

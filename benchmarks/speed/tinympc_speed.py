@@ -3,7 +3,7 @@
     python benchmarks/speed/tinympc_speed.py [--python OTHER] [--starts 500]
 
 SYNTHETIC. TinyMPC takes one A, B and diagonal costs. It needs numpy 1 and runs in a separate interpreter: OTHER, or
-that of ``.venv-tinympc``, which the first run makes (pip compiles TinyMPC in two minutes).
+that of ``.venv-tinympc``. The first run makes the latter (pip compiles TinyMPC in two minutes).
 
 The program has 12 states, 4 thrusts, N = 20, and thrusts bounded as on a battery of 3.5 V. Starts are drawn so that
 about half meet a bound. Both have the program set up, or condensed, before the clock starts; timed is from a new start

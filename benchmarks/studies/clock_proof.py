@@ -8,7 +8,7 @@ and how often the 95 % interval covers the truth.
 Part 2, nulls: an along-track error of the estimated position is put into recordings, and a clock that judges the
 estimate has to leave it. The error is 30 ms times speed, at .3, 1, 3 Hz and smoothly random, alone and in position and
 velocity together. A wander of the timestamps (sawtooth of 20 ms SD), alone and together with such an error: the clock
-has to remove it. Part 3: the onboard estimate along and across its track by clock, and a clock from some streams
+has to remove it. Part 3: the onboard estimate along and across its track by clock. Also a clock from some streams
 judged on an unused stream, against the best constant. Each judged stream may choose its own constant lag, so that a
 constant cannot win. ``causal``: uses nothing later than 0.06 s after each row, with noise and lags that are typical
 and not learnt. Without recordings parts 2 and 3 use the practice flights, and say SYNTHETIC. Copies are left out. The

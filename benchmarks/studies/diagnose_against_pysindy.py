@@ -12,7 +12,7 @@ channels, each in units of its spread. Of ``mass`` and ``thrust_scale``, which d
     best threshold  one threshold for all cases: the one that gets most of these very cases right (flatters pysindy)
 
 Sparse regression cannot report "unknown", nor that two terms are indistinguishable. Both are scored by the rules of
-``nanobench prove``, in which an identified effect is right when it is the concealed term or its declared twin. A
+``nanobench prove``. There an identified effect is right when it is the concealed term or its declared twin. A
 thrust map that pysindy identifies is taken for either map. Time is from tracks to
 verdict for both; ours includes predictions of flights left out.
 """

@@ -2,8 +2,8 @@
 
     python benchmarks/studies/prediction_folds.py [--clock as-recorded|retimed] [--data DIR] [--json FILE]
 
-Rows: the two models of ``nanobench sysid`` that set something per window; ``fit_observed`` with motor lags as measured
-on rotor speeds (``nanobench motors``, brushed) as priors and as start of the search.
+Rows: the two models of ``nanobench sysid`` that set something per window; ``fit_observed`` with motor lags measured on
+rotor speeds (``nanobench motors``, brushed). They are priors and the start of the search.
 
 Also ``fit_observed`` with the constants that would have been best for each window (to first order, learned from the
 window itself). That is a bound; the remaining error comes from moments that change within the half second. Then: does

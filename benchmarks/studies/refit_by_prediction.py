@@ -4,9 +4,9 @@
 
 SYNTHETIC cases (one effect, two effects; both engines where RotorPy is installed). What ``diagnose`` names is fitted
 along the measured states. Here the same parameters are then refitted to the errors of position, velocity, attitude and
-rate 10 and 50 rows ahead (robust, each in units of its size). Flights are left out in turn, and both predict these.
-Printed by case: the errors at h = 50 before, after and refitted, and every parameter with its true value. At the end
-the median ratio of errors and of parameter errors, by those that push and those that turn.
+rate 10 and 50 rows ahead. The fit is robust, each error in units of its size. Flights are left out in turn, and both
+predict these. Printed by case: the errors at h = 50 before, after and refitted, and every parameter with its true
+value. At the end the median ratio of errors and of parameter errors, by those that push and those that turn.
 """
 
 from __future__ import annotations

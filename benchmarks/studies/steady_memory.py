@@ -3,10 +3,10 @@
     python benchmarks/studies/steady_memory.py [--steps 1000000] [--what mpc_daqp --what plant ...]
 
 SYNTHETIC. ``mpc_daqp``, ``mpc_osqp``, ``nmpc``: commands round a figure of eight with pushes (``mpc_speed``);
-``plant``: steps of 2 ms of 16 vehicles of Task 2's plant behind the firmware's PID, ``mellinger_full``, ``geometric``
-and ``lqr``. Each is called at every step; ``served``: milliseconds of the vehicle that ``nanobench simulate --serve``
-serves, its loop included. Growth is the median of the last quarter of the marks less that of the second, so memory
-taken once at the beginning does not count.
+``plant``: steps of 2 ms of 16 vehicles of Task 2's plant. They fly behind the firmware's PID, ``mellinger_full``,
+``geometric`` and ``lqr``. Each is called at every step; ``served``: milliseconds of the vehicle that ``nanobench
+simulate --serve`` serves, its loop included. Growth is the median of the last quarter of the marks less that of the
+second. Memory taken once at the beginning thus does not count.
 """
 
 from __future__ import annotations

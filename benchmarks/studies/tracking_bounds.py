@@ -4,9 +4,9 @@
                                                 [--json FILE]
 
 Each plant of the ensemble (SYNTHETIC) runs all motors at full command; that is its lift L. No vehicle accelerates
-upward by more than L - g, downward by more than g, or sideways by more than sqrt(L^2 - g^2). A point that obeys these,
-knows the whole path, and needs no time to tip or to speed up its motors has the least possible RMSE. It is a quadratic
-program per axis, and no controller can have less. The flown RMSE is next to it.
+upward by more than L - g, downward by more than g, or sideways by more than sqrt(L^2 - g^2). Consider a point that
+obeys these, knows the whole path, and tips and changes thrust at once: it has the least possible RMSE. It is a
+quadratic program per axis, and no controller can have less. The flown RMSE is next to it.
 """
 
 from __future__ import annotations

@@ -149,11 +149,11 @@ def within_reach(rows: np.ndarray, x: np.ndarray, position_1_s2: np.ndarray, vel
     """Limit rows (n, k, WIDTH) to a horizontal acceleration of level_m_s2 (n,) and an upward one of up_m_s2 (n,). Both
     are in addition to the disturbance pushed_m_s2 (n, >= 3).
 
-    Accelerations along the path are cut. All points of a vehicle are moved so that ``Gains`` needs no more than that
-    for its lag x (n, 17) behind the first. Height is given up first, because motors must stay free to turn the
-    vehicle. A vehicle with little spare lift loses height when it tips after a reference that has jumped. Within
-    near_m all points stay, since the program knows its bounds and looks further ahead than these gains. The limit
-    fades in up to twice that distance. A vehicle that cannot carry its weight gets a sinking target wherever it is.
+    Accelerations along the path are cut. All points of a vehicle are moved so that ``Gains`` need no more than that
+    for its lag x (n, 17). Height is given up first, because motors must stay free to turn the vehicle. A vehicle with
+    little spare lift loses height when it tips after a reference that has jumped. Within near_m all points stay, since
+    the program knows its bounds and looks further ahead than these gains. The limit fades in up to twice that
+    distance. A vehicle that cannot carry its weight gets a sinking target wherever it is.
     """
     for i in range(rows.shape[0]):
         for k in range(rows.shape[1]):

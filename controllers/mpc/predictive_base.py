@@ -1,8 +1,11 @@
 """Predictive control of n vehicles: the part that all variants share, from the measurement to the command.
 
-Steps: guard -> observer (present state and disturbance) -> prediction through the commands under way to the time at
-which a new one acts -> targets from the reference's future -> plan -> PWM within the battery's limits. The variants
-differ in the plan alone.
+Steps of a command; the variants differ in the plan alone:
+
+- guard, then observer (present state and disturbance);
+- prediction through the commands under way to the time at which a new one acts;
+- targets from the reference's future, then a plan;
+- PWM within the battery's limits.
 """
 
 from __future__ import annotations

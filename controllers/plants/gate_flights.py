@@ -2,8 +2,8 @@
 
 Inputs are the logged setpoints, the battery, and the times of radio silence (gaps between the log's packets, in which
 no pose arrives). At the first instant they also include state, rotor commands and the integrals that the controller
-had gathered on the ground (its own code fed with the log until then). PID flights fly the build of the
-firmware their own log shows. Nothing else of the recording is used.
+had gathered on the ground. Its own code, fed with the log until then, computes the integrals. PID flights fly the
+build of the firmware their own log shows. Nothing else of the recording is used.
 """
 
 from __future__ import annotations

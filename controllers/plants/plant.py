@@ -1,8 +1,8 @@
 """The plant of Task 2: n vehicles of an identified model behind their batteries, stepped together in compiled code.
 
 The equations are those of ``nanobench_tools.physics`` (terms of simulator.toml), one lane of a vector each. This file
-adds what closes a loop: commands on their way for the model's delay, a battery that sags, legs on the ground, forces
-of the air. What the vehicle believes of its state is in ``senses``, a flight in ``closed_loop``.
+adds what closes a loop: delayed commands, a battery that sags, legs on the ground, and forces of the air. What the
+vehicle believes of its state is in ``senses``, a flight in ``closed_loop``.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ SUBSTEPS = round(TICK_S / STEP_S)
 class Sensing:
     """Properties of the sensing of a plant.
 
-    - delay_s: from the truth to the estimated position, the pose's way included (recordings: 20 ms); attitude and
+    - delay_s: from the truth to the estimated position, including the pose's way (recordings: 20 ms). Attitude and
       velocity are as much sooner as in the recordings.
     - error: size of the slow errors over the recordings'; noise: of gyro and accelerometer over the recordings'.
     - outages: (start_s, end_s) without poses.

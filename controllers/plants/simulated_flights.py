@@ -2,8 +2,8 @@
 them.
 
 Every vehicle hovers where its path begins, the path starts HOVER_S later, and SETTLED_S after that scoring begins. The
-same plants, air and noise for every controller. Controllers that accept a vehicle (``model``, or ``vehicle`` and
-``thrust_scale``) get the identified one, never the single plants.
+same plants, air and noise for every controller. Controllers that accept a vehicle get the identified one, never the
+single plants. They accept ``model``, or ``vehicle`` and ``thrust_scale``.
 """
 
 from __future__ import annotations

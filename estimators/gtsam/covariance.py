@@ -1,8 +1,8 @@
 """How sure a smoother is: covariances of its states from the elimination of the linearised problem.
 
 Eliminated in time, the states of one time depend on those of the next alone: R x_i + S x_(i+1) = d. From the last one
-back, cov_i = R^-1 (I + S cov_(i+1) S^T) R^-T (Kaess and Dellaert, "Covariance recovery from a square root information
-matrix", RAS 2009, for a chain).
+back, cov_i = R^-1 (I + S cov_(i+1) S^T) R^-T. Source: Kaess and Dellaert, "Covariance recovery from a square root
+information matrix", RAS 2009, for a chain.
 """
 
 from __future__ import annotations

@@ -20,8 +20,8 @@ class Carried:
     """Collected on the way:
 
     - ``states`` of the newest state of each time [(covariance (n, n), rotation (3, 3))];
-    - for every row, the state it is based on and the increment since (seconds, turn, way and gain in the body of the
-      state, and their covariance (9, 9))."""
+    - for every row, the state it is based on and the increment since. The increment is seconds, turn, way and gain in
+      the body of the state, and their covariance (9, 9)."""
 
     states: list[tuple[np.ndarray, np.ndarray]] = field(default_factory=list)
     owner: list[int] = field(default_factory=list)

@@ -39,10 +39,11 @@ GIVEN = ("mass {mass_g:.4g} g, {arm_mm:.3g} mm from the centre to each motor, mo
          "flights do not show them")
 NOTES = {"none": "",
          "inputs": "It keeps the mean thrust and trim of the training flights. The row it is made from sets both and "
-                   "the tilt, and corrects rate and rotors at the start, from the half second of inputs before each "
+                   "the tilt. It corrects rate and rotors at the start, from the half second of inputs before each "
                    "window",
-         "past": "It keeps the mean thrust and trim of the training flights. The row it is made from learns them, "
-                 "the tilt, and corrections of rate and rotors at the start, from the two seconds before each window"}
+         "past": "It keeps the mean thrust and trim of the training flights. The row it is made from learns them and "
+                 "the tilt. It also learns corrections of rate and rotors at the start, from the two seconds before "
+                 "each window"}
 
 
 def rungs(names: Sequence[str] | None = None) -> list[Rung]:

@@ -26,10 +26,10 @@ from .symmetry import Features
 
 @dataclass(frozen=True)
 class GreyBoxPredictor:
-    """``adapt`` none: the model as it is. ``inputs``: thrust, trim, tilt and the corrections of the start, from the
-    inputs of the half second before a window and the start state. Class ``state``. ``past``: from all streams before
-    it. ``gains`` (N, F + 1): nuisances from features and a constant; ``scale`` (K, 4): usual errors on the training
-    flights."""
+    """``adapt`` none: the model as it is. ``inputs``: thrust, trim, tilt and the corrections of the start. They follow
+    from the inputs of the half second before a window and the start state. Class ``state``. ``past``: from all streams
+    before it. ``gains`` (N, F + 1): nuisances from features and a constant; ``scale`` (K, 4): usual errors on the
+    training flights."""
 
     name: str
     terms: Mapping[str, Mapping[str, Any]]

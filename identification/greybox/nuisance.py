@@ -50,9 +50,9 @@ STARTS = (
     Nuisance("rotors_yaw", _rotors(-1.0, 1.0, -1.0, 1.0), ROTOR_SD_N, "N",
              "rotors of one spin against the others, at the start", "yaw"),
 )
-"""Spreads: thrust over its map differs by 3 % between flights and a motor by some per cent; frames by about a degree;
-rotors by a tenth of their thrust. A gyro row differs by 0.03 rad/s from its smoothed neighbours (NanoBench flights,
-which ones is not recorded)."""
+"""Spreads: thrust over its map differs by 3 % between flights and a motor by some per cent. Frames differ by about a
+degree, rotors by a tenth of their thrust. A gyro row differs by 0.03 rad/s from its smoothed neighbours (NanoBench
+flights, which ones is not recorded)."""
 
 
 def terms_of(nuisances: Sequence[Nuisance], vehicle: Vehicle | None = None) -> dict[str, Values]:

@@ -34,8 +34,8 @@ CHUNK = 1024
 
 @dataclass(frozen=True)
 class Observer:
-    """A model with ``frame_tilt`` and ``thrust_scale`` in it, the values that may differ (thrust, three trims, two
-    tilts), and the scale (K, 4) of its errors."""
+    """A model with ``frame_tilt`` and ``thrust_scale`` in it, and the scale (K, 4) of its errors. The values that may
+    differ are thrust, three trims and two tilts."""
 
     model: Model
     nuisances: tuple[Nuisance, ...]

@@ -1,9 +1,9 @@
 """Physical signs and ranges of fitted parameters, where they are narrower than the terms' own, and soft priors.
 
-A fit with free sign and lag learns the inverted flight controller, because the logged PWM of the next half second was
-computed from the gyro of that half second. Such a fit scores best and is no vehicle. Hence motors never run ahead of
-their command, thrust rises with voltage, lateral air tips the nose up, and rotation decays. Turning inertia is that of
-a vehicle of this mass and size.
+A fit with free sign and lag learns the inverted flight controller. The reason: the logged PWM of the next half second
+was computed from the gyro of that half second. Such a fit scores best and is no vehicle. Hence motors never run ahead
+of their command, thrust rises with voltage, lateral air tips the nose up, and rotation decays. Turning inertia is that
+of a vehicle of this mass and size.
 """
 
 from __future__ import annotations

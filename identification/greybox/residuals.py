@@ -42,7 +42,7 @@ def errors(states: np.ndarray, derivatives: np.ndarray | None, truth: np.ndarray
 
 
 def robust(found: np.ndarray, scale: np.ndarray, weight: np.ndarray) -> tuple[float, np.ndarray]:
-    """Soft-L1 of the norms: sum of weight (sqrt(1 + |e|^2 / scale^2) - 1), and the weight (n, K, 4) of each squared
+    """Soft-L1 of the norms: sum of weight (sqrt(1 + |e|^2 / scale^2) - 1). Also the weight (n, K, 4) of each squared
     error in the normal equations.
 
     Shapes: found (n, K, 4, 3), scale and weight (K, 4)."""

@@ -2,8 +2,8 @@
 
 Parameters are shared by all flights; nuisances are a few directions through them along which every training flight has
 its random effect, drawn around zero. They keep what differs between flights (a battery further left) out of the shared
-ones; a test flight gets none. SciPy's ``least_squares``, with priors as further rows and the same derivatives, takes
-1.3 times as long and ends .4 % above this cost. It does not eliminate the flights' effects.
+ones; a test flight gets none. SciPy's ``least_squares``, with the same derivatives and with priors as further rows,
+takes 1.3 times as long. It ends .4 % above this cost. It does not eliminate the flights' effects.
 """
 
 from __future__ import annotations

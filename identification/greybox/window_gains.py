@@ -66,7 +66,7 @@ def _seen(features: Features, nuisances: Sequence[Nuisance]) -> tuple[list[_Seen
 
 def learn_gains(problem: Problem, shared: np.ndarray, features: Features,
                 nuisances: Sequence[Nuisance]) -> tuple[np.ndarray, float]:
-    """Gains (N, F + 1), the last a constant, that minimise the errors of ``problem.data``, and their ridge (inf: no
+    """Gains (N, F + 1), the last a constant, that minimise the errors of ``problem.data``. Also their ridge (inf: no
     gains); features of its windows."""
     matrix, flight = features.matrix(), problem.data.flight
     spread = np.array([n.sd for n in nuisances])

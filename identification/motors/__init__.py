@@ -1,5 +1,5 @@
-"""Motors identified against measured rotor speed: lag, speed from PWM and voltage, thrust and torque, and what a
-command that is logged fast is worth for the prediction of rotation.
+"""Motors identified against measured rotor speed: lag, speed from PWM and voltage, thrust and torque. Also the value
+of a fast log of commands for the prediction of rotation.
 
     from identification.motors import identify
     found = identify(["flights/"], mass_kg=0.037)

@@ -32,7 +32,7 @@ class Force:
 
 
 def averaged(log: Log, values: np.ndarray, seconds: float = AVERAGE_S) -> np.ndarray:
-    """(blocks, ...) means over pieces of every stretch; what is left at its end is dropped."""
+    """(blocks, ...) means over pieces of every stretch; rows after the last whole piece are dropped."""
     size = max(round(seconds / log.row_s), 1)
     found = []
     for a, b in log.stretches:

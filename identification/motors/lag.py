@@ -1,10 +1,10 @@
 """How fast rotors follow their command: time constants up and down, fitted by simulation against measured speed.
 
-The command goes through the physics of the simulator (``thrust_voltage`` of degree 1, ``motor_lag``, ``command_delay``,
-``thrust_rpm``), one second at a time, and the simulated speed is compared with the measured one. Both are taken without
-their mean over the window and with one gain per motor, so that neither a battery that sags nor a motor that warms up
-passes for a lag; with a straight map such a gain changes nothing else. A soft L1 loss bounds what single rows with a
-wrong speed can do. The delay holds what is pure waiting: of the command, and of the speed measurement (half a
+The command goes through the physics of the simulator, one second at a time: ``thrust_voltage`` of degree 1,
+``motor_lag``, ``command_delay``, ``thrust_rpm``. The simulated speed is compared with the measured one. Both are taken
+without their mean over the window and with one gain per motor. Neither a sagging battery nor a warming motor then
+looks like a lag. With a straight map such a gain changes no other parameter. A soft L1 loss bounds what single rows
+with a wrong speed can do. The delay holds what is pure waiting: of the command, and of the speed measurement (half a
 revolution and more).
 """
 
@@ -40,7 +40,7 @@ STEP_S = 2e-4
 CANDIDATES: Mapping[str, tuple[str, ...]] = {
     "at once": (), "delay": ("delay",), "one lag + delay": ("tau", "delay"),
     "up and down + delay": ("up", "down", "delay")}
-"""What is fitted, the simplest first; the rest is zero, or the same up and down."""
+"""Fitted parameters, the simplest first; the rest is zero, or the same up and down."""
 
 NO_WORSE = setting("motors.lag.no_worse")
 
@@ -156,8 +156,8 @@ def fit_lag(model: Model, data: Windows, row_s: float, name: str = "up and down 
             keep: np.ndarray | None = None) -> Lag:
     """One candidate fitted to the windows of the flights ``keep`` (all by default).
 
-    Twice: speed is the root of thrust, so a gain of speed is a slope of the map for small changes only; after the first
-    fit the map has that slope and what is left of the gain is near 1.
+    Twice: speed is the root of thrust, so a gain of speed is a slope of the map for small changes only. After the
+    first fit the map has that slope and the remaining gain is near 1.
     """
     used = data if keep is None else part_of(data, np.isin(data.flight, keep))
     found = _fit(model, used, row_s, name, None)

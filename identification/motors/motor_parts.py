@@ -17,8 +17,10 @@ Ends = tuple[float, float]
 
 @dataclass(frozen=True, repr=False)
 class RotationRow(Result):
-    """Rotation predicted from one input. metrics {metric: errors after 1, 10, 50 steps and summed}, ci95 of these by
-    drawing held-out flights; curves {metric: error (50,) per step}."""
+    """Rotation predicted from one input.
+
+    - metrics {metric: errors after 1, 10, 50 steps and summed}; ci95: of these by drawing held-out flights.
+    - curves {metric: error (50,) per step}."""
 
     input: str
     words: str
@@ -77,7 +79,7 @@ class LagRow(Result):
 
 @dataclass(frozen=True, repr=False)
 class FlightLag(Result):
-    """One flight by itself."""
+    """One flight alone."""
 
     flight: str
     times: LagTimes = field(metadata=INLINE)
@@ -86,7 +88,7 @@ class FlightLag(Result):
 
 @dataclass(frozen=True, repr=False)
 class GyroLag(Result):
-    """The lag of a model of rotation that was fitted with one of its own; times [s] by parameter."""
+    """The lag of a model of rotation that was fitted with a separate lag; times [s] by parameter."""
 
     times_s: Mapping[str, float] = field(metadata=INLINE)
     trouble: str

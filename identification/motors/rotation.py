@@ -74,7 +74,8 @@ class Batch:
 
     - motor (n, P + H, 4) and battery_V (n, P + H): with P rows before the window.
     - start and earlier (n, 13): states at its start and TRIM_S before it.
-    - rate (n, K + 50, 3) and quaternion (n, 50, 4): truth at rows of 10 ms, of which K before the start and 50 after.
+    - rate (n, K + 50, 3) and quaternion (n, 50, 4): truth at rows of 10 ms. K of them are before the start and 50
+    after.
     - every: rows of input per 10 ms.
     - flight (n,).
     """

@@ -1,8 +1,8 @@
 """A second engine: RotorPy's own multirotor (Folk, Paulos, Kumar 2023) in place of the practice vehicle's equations.
 
-RotorPy gives the forces and moments of every rotor with its drag, flapping and lag of the rotor speed, the wind and
-the motion of the body. Battery, commanded thrust, ground, sensors, controllers and room are the practice ones. What
-RotorPy's numbers are in terms of a simulator, with S the sum of the rotor speeds in hover:
+RotorPy gives the forces and moments of every rotor with its drag, flapping and lag of the rotor speed. It includes the
+wind and the motion of the body. Battery, commanded thrust, ground, sensors, controllers and room are the practice
+ones. What RotorPy's numbers are in terms of a simulator, with S the sum of the rotor speeds in hover:
 
     k_eta -> thrust_rpm k_f            k_m / k_eta -> yaw_torque k_m            tau_m -> motor_lag, both ways
     k_d, k_d, k_z -> drag_rotor d      k_flap S -> drag_torque c                wind -> wind

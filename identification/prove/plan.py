@@ -82,8 +82,8 @@ def _deal(decks: dict[str, list[Any]], name: str, cards: Callable[[], Sequence[A
 def _nuisance(rng: np.random.Generator, restless: bool = False) -> Nuisance:
     """Air and flicker differ between cases; the telemetry clock wanders in half, an IMU is tilted in a fifth.
 
-    With this flicker, the true simulator predicts as well as the best fit does on real recordings (0.011 rad after 0.1
-    s, 0.22 m/s after 0.5 s).
+    With this flicker, the true simulator predicts as well as the best fit does on real recordings. That is 0.011 rad
+    after 0.1 s, 0.22 m/s after 0.5 s.
     """
     wanders = bool(rng.uniform() < 0.5)
     tilt = np.zeros(3)

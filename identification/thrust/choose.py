@@ -19,7 +19,7 @@ NO_WORSE_ONE_FILE = number("thrust.choose.no_worse_one_file")
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Errors [N] of a candidate on held-out rows: one array per fold, prediction minus measurement, and the root of
+    """Errors [N] of a candidate on held-out rows: one array per fold, prediction minus measurement. Also the root of
     the mean over folds of their mean squares.
 
     trouble: the message of the first fold whose fit failed."""
@@ -33,8 +33,8 @@ def choose(fits: Mapping[str, Any], scores: Mapping[str, HeldOut], no_worse: flo
            spread: float = np.inf) -> str | None:
     """Name of the map with the smallest held-out error, or of lower rank and no worse; None if none is a result.
 
-    Three kinds of maps are never chosen: those whose fit is in trouble, the firmware's own, and those that predict
-    held-out rows no better than a constant (``spread``: the SD of the predicted values).
+    Three kinds of maps are never chosen: maps with trouble in the fit, the firmware's own, and maps no better than a
+    constant. The last kind is judged on held-out rows (``spread``: the SD of the predicted values).
     """
     able = [n for n, fit in fits.items() if not fit.trouble and map_of(fit).fixed is None
             and not scores[n].trouble.startswith("not ") and scores[n].rms < spread]

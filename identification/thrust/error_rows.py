@@ -110,8 +110,8 @@ class InverseTable(Result):
 class AgainstFirmware(Result):
     """RMS on one test file, N per motor or m/s^2.
 
-    Of the chosen map, of the better of the firmware's two published cubics, and of the better one with the same inputs
-    as the chosen map.
+    Of the chosen map, of the better of the firmware's two published cubics, and of the better one with the inputs of
+    the chosen map.
 
     Those inputs are a scale from the training files, and the carried weight if that map has it. None without such a
     row.

@@ -33,8 +33,8 @@ class Exported:
     """A map as terms of a simulator and as lines for the firmware.
 
     - terms: entries of ``[[terms]]``.
-    - rms_N: difference between their thrust and the map's over the PWM and voltages of the training rows (0 for a map
-      that is a term itself).
+    - rms_N: difference between their thrust and the map's over the PWM and voltages of the training rows. It is 0 for
+      a map that is a term itself.
     - firmware: lines to paste, empty with the reason in ``note``."""
 
     terms: tuple[Mapping[str, Any], ...]

@@ -5,9 +5,9 @@ expression serves NumPy arrays and CasADi symbols. The polynomials are those of 
 ``thrust_voltage``.
 
 The motor family comes from the steady balance of a DC motor with a propeller. Speed voltage E = K_e w and current I: u
-(V + s) - d = E + R I. The drop is d + (1 - u) s while the switch is off (diode, and the battery's own resistance,
-through which the current flows in bursts). Torque balance K_t I = k_q w^2, so R I = rho E^2; propeller T = k_f w^2 =
-kappa E^2. Hence E + rho E^2 = u (V + s) + e_0 with e_0 = -d.
+(V + s) - d = E + R I. The drop is d + (1 - u) s while the switch is off. It comes from the diode and the battery's own
+resistance, through which the current flows in bursts. Torque balance K_t I = k_q w^2, so R I = rho E^2; propeller T =
+k_f w^2 = kappa E^2. Hence E + rho E^2 = u (V + s) + e_0 with e_0 = -d.
 """
 
 from __future__ import annotations

@@ -41,7 +41,9 @@ def sessions(epochs_s: Sequence[float]) -> int:
 def half_width(found: Sequence[np.ndarray], files: int, unseen: float = 0.0, groups: int | None = None) -> float:
     """Half width of the interval for a row of a new file from held-out errors (one array per file). It combines the
     spread within files and that of the files' means. The latter has as many degrees of freedom as there are ``groups``
-    (sessions; by default files). unseen: SD between files that one file alone is given. nan without errors."""
+    (sessions; by default files).
+
+    unseen: SD between files that one file alone is given. The result is nan without errors."""
     if not found:
         return float("nan")
     high = 0.5 + 0.5 * PROBABILITY

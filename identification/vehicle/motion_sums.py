@@ -129,7 +129,7 @@ def motion_sums(case: Case, vehicle: Vehicle, curve: np.ndarray, lag_s: float) -
 
 def hover_level(case: Case, vehicle: Vehicle, curve: np.ndarray, lag_s: float) -> float:
     """Force along body z over the commanded thrust, without ground and idle motors. Rows at a speed v have the weight
-    1 / (1 + (v / HOVER_M_S)^2)^2, because moving through the air costs thrust and the level is that of hover."""
+    1 / (1 + (v / HOVER_M_S)^2)^2. Moving through the air costs thrust, and the level is that of hover."""
     rows = [signals(case.flight, span, vehicle.gravity_m_s2) for span in inner_spans(case, GROUND_S, GROUND_S)]
     thrust = np.concatenate([lagged(np.polynomial.polynomial.polyval(row.volts, curve), lag_s).sum(axis=1)
                              for row in rows])

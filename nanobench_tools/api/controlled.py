@@ -31,8 +31,8 @@ class Tracking:
 
     @property
     def table(self) -> pd.DataFrame:
-        """One row per protocol, path, speed and controller: n flights, means of the metrics (SI units as in the name),
-        and the 95 % interval of the RMSE.
+        """One row per protocol, path, speed and controller. Columns: n flights, means of the metrics (SI units as in
+        the name), and the 95 % interval of the RMSE.
 
         The interval is nan where it cannot be computed."""
         import pandas as pd

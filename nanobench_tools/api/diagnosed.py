@@ -109,7 +109,7 @@ def diagnose(flights: Flight | Iterable[Flight], simulator: Believed, seed: int 
              mass_kg: float = 0.04085, engine: str = "rules") -> Diagnosis:
     """Compares a simulator with flights: omitted effects, their size and confidence, and what correcting them gains.
 
-    - simulator: a model that ``nb.fit`` gave, a ``Model``, the path of a simulator.toml, a callable
+    - simulator: a model that ``nb.fit`` gave, a ``Model``, or the path of a simulator.toml. A callable
       (``nanobench_tools.physics.adapters.given``) or its name (``module:callable``, ``rotorpy``). Or flights that the
       simulator made, as flights or as their folder.
     - mass_kg: mass that a callable, or a simulator known by its flights, was given; flights show only thrust over

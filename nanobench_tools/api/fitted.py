@@ -103,7 +103,7 @@ class VehicleModel:
     def predict(self, what: Windows | Flight, by: str = "predictor") -> Prediction | FlightPrediction:
         """States 1..H steps after the start of every window; of a flight, from starts every 0.1 s of clean flight.
 
-        by: ``predictor``, the best predictor (``fit_balanced`` of ``nanobench sysid``), or ``vehicle``, the exported
+        by: ``predictor`` is the best predictor (``fit_balanced`` of ``nanobench sysid``). ``vehicle`` is the exported
         vehicle alone. The predictor is fitted to the same flights at the first call.
         """
         if by not in ("predictor", "vehicle"):
@@ -185,11 +185,11 @@ def fit(flights: Flight | Iterable[Flight], terms: Sequence[str] | Mapping[str, 
     Thrust level, drag, moment of the air, trim and inertia are read from whole flights. What flights cannot identify
     keeps its prior and is marked (``parameters_.prior_share``).
 
-    - terms: names of effects (``nanobench sysid --list``) to fit to predictions half a second ahead instead; such a
+    - terms: names of effects to fit to predictions half a second ahead instead (``nanobench sysid --list``). Such a
       model predicts, and need not be a physical vehicle.
     - mass_kg: from a scale; flights show only ratios to it.
     - arm_m: from the centre to each motor (default 0.046).
-    - priors: a file in the form of ``identification/vehicle/priors.toml`` with numbers of your own vehicle; the
+    - priors: a file in the form of ``identification/vehicle/priors.toml`` with numbers of your own vehicle. The
       shipped priors are scaled by mass and arm for vehicles of another size.
 
     Velocity that is not recorded follows from the positions. Without any battery voltage, a constant one is assumed,

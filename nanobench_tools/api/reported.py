@@ -15,8 +15,8 @@ from .quiet_options import some
 def report(flights: Flight | Iterable[Flight], out_dir: str | Path = "results") -> Path:
     """Writes report.html and its tables (CSV, LaTeX) into ``out_dir`` and gives the path of the page.
 
-    The flights are audited. Results that are already in ``out_dir`` are shown, too: audit.json, estimate.json,
-    sysid.json, thrust.json and control.json (``nanobench run``), and verdict.json (``nanobench diagnose``).
+    The flights are audited. Results that are already in ``out_dir`` are shown, too. Files of ``nanobench run``:
+    audit.json, estimate.json, sysid.json, thrust.json and control.json. File of ``nanobench diagnose``: verdict.json.
 
     Raises ``InputError`` for an invalid result file.
 

@@ -36,7 +36,7 @@ class Audit(Result):
 
     - controller: ``pid`` | ``mellinger`` | ``none`` (motors never ran) | ``unknown``.
     - airborne: first to last crossing of 5 cm above the resting height.
-    - clean: the recording without the cutting faults of any stream; a constant battery reading does not affect the
+    - clean: the recording without the cutting faults of any stream. A constant battery reading does not affect the
       other streams (``clean_for`` with the battery cuts it).
     - clock and rates: per stream.
     """

@@ -30,7 +30,7 @@ DEFAULT_PLANTS = ("real", "gate")
 @click.command()
 @shared_options()
 @click.option("--plant", "plants", multiple=True, metavar="NAME",
-              help="real: the logged flights; gate: held-out flights flown again on the plant, against their logs. "
+              help="real: the logged flights; gate: held-out flights flown again on the plant, against their logs; "
                    "simulated: an ensemble of plants; mismatch: plants unlike what controllers assume. May repeat. "
                    "Default: real and gate.")
 @click.option("--protocol", "protocols", multiple=True, metavar="NAME",

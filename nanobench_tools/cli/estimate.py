@@ -51,7 +51,7 @@ def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, .
 
     Protocols: as-published is the published table with its faults; as-published-corrected corrects them on the same
     recordings; clean scores every distinct flight. Protocol aided gives few, late and noisy poses all along. Protocol
-    blackout gives poses until t0, every 5 s, and none afterwards; it scores the estimated position 1, 5, 10 and 20 s
+    blackout gives poses until t0, every 5 s, and none afterwards. It scores the estimated position 1, 5, 10 and 20 s
     later (windows in the JSON). Protocol whole-flight gives no pose after take-off. --out DIR holds
     trajectories/<method>/<flight>.tum and trajectories/truth.
     """

@@ -104,8 +104,8 @@ class Verbs(click.Group):
 def cli(ctx: click.Context) -> None:
     """Recordings of a small quadrotor in, honest scores out.
 
-    Where was it really, how would another controller fly it, what physics does it obey: from recordings, with the
-    faults of the data found and left out. See "nanobench VERB --help".
+    Where was it really, how would another controller fly it, what physics does it obey: from recordings, without the
+    faults of the data. See "nanobench VERB --help".
     """
     if ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())

@@ -70,8 +70,8 @@ def fitted(options: Options, train: Sequence[Case], wanted: str, vehicle: Vehicl
 
 @dataclass(frozen=True)
 class Choice:
-    """The chosen models. best: name of the best model of class ``state``; exported: the physical vehicle, or the best
-    fitted one if there is no vehicle.
+    """The chosen models. Field best is the name of the best model of class ``state``. Field exported is the physical
+    vehicle, or the best fitted one if there is no vehicle.
 
     ``scores`` is {model: criterion} on training ``cases``, held out where a model is fitted to them."""
 

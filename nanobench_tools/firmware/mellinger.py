@@ -43,8 +43,10 @@ DEFAULTS = (0.029, 132000.0, 0.4, 0.2, 0.05, 2.0, 1.25, 0.4, 0.05, 0.4, 70000.0,
             500.0, 1500.0, 200.0)
 STATE = np.dtype([("integral", "f4", 3), ("integral_m", "f4", 3), ("rate", "f4", 2), ("rate_setpoint", "f4", 2),
                   ("z_wanted", "f4", 3), ("thrust", "f4"), ("roll", "i2"), ("pitch", "i2"), ("yaw", "i2")], align=True)
-"""All zero at power-up: integrals of position [m s] and attitude [s], last roll and pitch rates, measured and
-commanded [rad/s], the desired direction of thrust (world), and the held outputs [counts]."""
+"""All zero at power-up: integrals of position [m s] and attitude [s], last measured and commanded roll and pitch rates
+[rad/s].
+
+Also the desired direction of thrust (world), and the held outputs [counts]."""
 
 LIMIT = F(32000.0)
 

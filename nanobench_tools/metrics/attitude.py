@@ -42,8 +42,8 @@ def without_constant_rotation(estimate_q: np.ndarray, truth_q: np.ndarray) -> np
     """(n, 4): estimate_q q_c with the one body rotation q_c that brings it closest to the truth (chordal mean).
 
     Removes the constant rotation between mocap body frame and sensor; both (n, 4). It is q_c, the mean of
-    conj(estimate_q) truth_q (Markley et al. 2007: largest eigenvector of the sum of outer products, blind to the sign
-    of each).
+    conj(estimate_q) truth_q. Source: Markley et al. 2007 (largest eigenvector of the sum of outer products, blind to
+    the sign of each).
     """
     estimate, truth = checked_pair(estimate_q, truth_q, 4)
     offsets = so3.multiply(so3.conjugate(estimate), truth)

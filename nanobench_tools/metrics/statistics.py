@@ -26,8 +26,8 @@ UNKNOWN = -1
 
 FEW_SESSIONS = 5
 """Minimum number of sessions for an interval that is not too narrow. Simulated with sessions of 18, 4, 26 and 20
-flights, intervals cover the mean 90, 85, 81 times in 100 at an intra-class correlation of .14, .3, .6. Over flights
-alone it is 67, 51, 37. With 30 sessions of 4 flights they cover it 98, 97, 95 times."""
+flights, intervals cover the mean 90, 85, 81 times in 100. Here the intra-class correlation is .14, .3, .6. Over
+flights alone it is 67, 51, 37. With 30 sessions of 4 flights they cover it 98, 97, 95 times."""
 
 FEW_FLIGHTS = 8
 """Percentile intervals over fewer independent flights are too short; BCa is used (SciPy's)."""
@@ -306,8 +306,8 @@ def _reason(ends: tuple[float, float] | None, why: str) -> str:
 
 
 def paired_ratio(ours: np.ndarray, theirs: np.ndarray, seed: int = 0, sessions: Labels = None) -> list[PairedRatio]:
-    """Of every column: mean of ``ours`` over mean of ``theirs``, both (n, k) one row per flight, the same flights
-    drawn for both. Flights that lack either are left out.
+    """Of every column: mean of ``ours`` over mean of ``theirs``, both (n, k) one row per flight. Both use the same
+    drawn flights. Flights that lack either are left out.
 
     >>> paired_ratio(np.array([[1.0], [2.0]]), np.array([[2.0], [4.0]]))[0].ratio
     0.5

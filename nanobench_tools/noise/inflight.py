@@ -1,7 +1,7 @@
 """The sensor as it flies: vibration by PWM, spectra, and how fast its integrals leave the motion capture.
 
-Over a time T, the gyro's integral and the rotation of the poses differ by the poses' own noise, which does not grow,
-and by N sqrt(T). N is the density that an estimator has to assume; it includes vibration, lost packets and late
+Over a time T, the gyro's integral and the rotation of the poses differ by two parts: the poses' own noise, which does
+not grow, and N sqrt(T). N is the density that an estimator has to assume; it includes vibration, lost packets and late
 timestamps. The same for world-vertical velocity, where half a degree of tilt counts little. Mean differences are
 biases.
 """

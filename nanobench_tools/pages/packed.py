@@ -40,8 +40,10 @@ def compressed(body: Any) -> str:
 
 def envelope(time_s: np.ndarray, values: np.ndarray, span: tuple[float, float], buckets: int,
              resolution: float) -> tuple[np.ndarray, np.ndarray]:
-    """Time and value (2 ``buckets``,): the smallest and the largest of ``values`` (n,) at ``time_s`` (n,) in every
-    stretch of ``span``, in their order. A stretch with a value that is no number keeps a gap."""
+    """Time and value (2 ``buckets``,): the smallest and the largest value in every stretch of ``span``, in their
+    order.
+
+    Inputs: ``values`` (n,) at ``time_s`` (n,). A stretch with a value that is no number keeps a gap."""
     start, end = span
     width = max(end - start, 1e-9) / buckets
     slot = np.floor((np.asarray(time_s, float) - start) / width)

@@ -64,8 +64,8 @@ def write_report(out_dir: Path, results: Mapping[str, Mapping[str, Any]], flight
     """Writes report.html and the tables (CSV, LaTeX) into ``out_dir`` and returns the path of the page. Never
     overwrites the page of another verb (``page_path``).
 
-    ``results`` has the contents of the result files by name (``audit``, ``estimate``, ``sysid``, ``control``,
-    ``thrust``, ``verdict``). Absent files are skipped. A flight without an audit in ``audits`` takes the entry of
+    ``results`` has the contents of the result files by name. Names: ``audit``, ``estimate``, ``sysid``, ``control``,
+    ``thrust``, ``verdict``. Absent files are skipped. A flight without an audit in ``audits`` takes the entry of
     ``results["audit"]`` with its name, or else its content hash. ``synthetic``: the page, every table and every
     picture say so, and only then.
     """

@@ -109,7 +109,7 @@ def task1_commands(sysid: Mapping[str, Any], synthetic: bool) -> Table:
                    count_of(row["command_response"]["windows"]), data_label(synthetic)) for row in rows)
     return clock_in_place(Table(
         "table_task1_commands", "Task 1: answer to a roll, pitch, yaw and thrust command put into the inputs", columns,
-        lines, "Change of the rate (thrust: velocity) 0.2 s after a step of PWM, as a share of rigid-body physics "
+        lines, "Change of the rate (thrust: velocity) 0.2 s after a step of PWM, over that of rigid-body physics "
                "with parameters from firmware, scale and ruler. A value of 1 equals the physics; below 0 turns the "
                "other way."))
 

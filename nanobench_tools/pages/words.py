@@ -202,8 +202,8 @@ def published(results: Results) -> Words:
         points.append(text + ".")
     if points:
         lines += ["State estimation:", points,
-                  "The attitude error of the published protocol is a difference between degrees and radians, and "
-                  "between pitch with nose up positive (firmware) and nose down positive (motion capture). The "
+                  "The attitude error of the published protocol is a difference between degrees and radians. It also "
+                  "mixes pitch with nose up positive (firmware) and nose down positive (motion capture). The "
                   "corrected one has one unit and one sign."]
     real = of_one_clock(r for r in (results.get("control") or {}).get("rows") or []
                         if (r.get("plant") or "real") == "real")
@@ -276,7 +276,7 @@ def _clock_task3(rows: Sequence[Mapping[str, Any]]) -> Words:
     head = ""
     if a and b and b < MOSTLY * a and excludes_one((after.get("clock_ratio_ci95") or {}).get("ate_rmse_m")):
         head = ("The position error is largely a clock error and not an estimator error. The timestamps of the "
-                "vehicle's streams wander against those of the motion capture, and a moving vehicle turns a late "
+                "vehicle's streams wander against those of the motion capture. A moving vehicle turns a late "
                 "timestamp into an error along its track. ")
     across, delay = course("across_track_rmse_m"), course("delay_s")
     lines: Words = [f"{head}Means over {_count(int(number(before.get('n')) or 0), 'distinct flight')}:",

@@ -49,8 +49,9 @@ def _uniform(array: np.ndarray, name: str, shape: tuple[int, int]) -> np.ndarray
 
 
 class Compiled:
-    """Machine code of a casadi.Function. ``roles`` of its inputs: ``lane`` (a separate value for every window),
-    ``uniform`` (one for all), or ``row`` (a separate value for every window and row). The first may be ``state``.
+    """Machine code of a casadi.Function. ``roles`` of its inputs: ``lane`` (a separate value for every window) or
+    ``uniform`` (one for all). A ``row`` input has a separate value for every window and row. The first may be
+    ``state``.
     """
 
     def __init__(self, function: Any, roles: Sequence[str], threads: int = 1) -> None:

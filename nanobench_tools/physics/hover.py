@@ -28,8 +28,8 @@ class Hover(Result):
     - motor (n,): commands in ``unit``.
     - thrust_N (n,): commanded rotor thrust.
     - roll_deg, pitch_deg: tilt at which it does not move.
-    - authority_rad_s2: angular acceleration about body x, y, z [rad/s^2], rotors settled, where every motor changes by
-      1 % of its command in the direction of that turn."""
+    - authority_rad_s2: angular acceleration about body x, y, z [rad/s^2] with settled rotors. Every motor changes by 1
+      % of its command in the direction of that turn."""
 
     motor: tuple[float, ...]
     unit: str

@@ -4,8 +4,8 @@ Small angles: s is the load's horizontal place against its knot, a the knot's ac
 
     s'' = -(g / l) s - 2 zeta sqrt(g / l) s' - a,        F = m g s / l  on the knot.
 
-A load on a fixed knot swings at sqrt(g / l), under a free vehicle of mass M at sqrt(g / l (1 + m / M)). A controller
-puts it between the two (any text on the overhead crane).
+A load on a fixed knot swings at sqrt(g / l). Under a free vehicle of mass M it is sqrt(g / l (1 + m / M)). A
+controller puts it between the two (any text on the overhead crane).
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
 For a constant T_cmd, tau dT/dt = T_cmd - T has the solution T_cmd + (T_0 - T_cmd) exp(-t / tau). The direction never
 changes within a step, so one of tau_up and tau_down applies throughout. Runge-Kutta 4 then integrates the body over a
-known thrust. Its stages use the share of the difference that is left at their time, chosen so that impulse and
-displacement (first and second integral) are exact. Any tau down to 0 is stable, and the limit tau = 0 is no lag at
-all. The shares differ from exp(-t / tau) at the stage times by O(h^3), which keeps the order 4.
+known thrust. Its stages use the share of the difference that is left at their time. The shares make impulse and
+displacement (first and second integral) exact. Any tau down to 0 is stable, and the limit tau = 0 is no lag at all.
+The shares differ from exp(-t / tau) at the stage times by O(h^3), which keeps the order 4.
 """
 
 from __future__ import annotations

@@ -11,8 +11,8 @@ KINDS = ("unit", "value", "gain", "damping")
 
 @dataclass(frozen=True)
 class Systematic:
-    """``size`` in the parameter's unit (``of`` = ``unit``), or as a share of the value before (``value``). Also as
-    such a share times the turning that commands do not explain (``gain``), or in 1/s of damping over inertia times the
+    """``size`` in the parameter's unit (``of`` = ``unit``). Or as a share of the value before (``value``). Also as
+    such a share times the turning that commands do not explain (``gain``). Or in 1/s of damping over inertia times the
     same (``damping``). A size of 0 means no such error."""
 
     size: float

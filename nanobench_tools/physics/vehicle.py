@@ -17,8 +17,8 @@ FEWEST, MOST = 3, 8
 class Vehicle:
     """Defaults: the NanoBench vehicle. ``inertia_kg_m2`` about body x, y, z; ``motor_positions_m`` x, y in the body of
     each motor, three to eight (of these four: front right, back right, back left, front left); ``spin`` sign of the
-    yaw torque of each; ``input``: pwm (ratio 0..1), rpm (measured rotor speed, given in rad/s), or thrust (commanded
-    thrust of each rotor in N, without a thrust map); ``rate_hz`` of the integration.
+    yaw torque of each; ``input``: pwm (ratio 0..1), rpm (measured rotor speed, given in rad/s), or thrust. With
+    thrust, each rotor gets a command in N, without a thrust map; ``rate_hz`` of the integration.
     """
 
     mass_kg: float = 0.04085

@@ -156,7 +156,7 @@ def hover_until_landing(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
 
 
 def staircase_climb(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
-    """Stairs ``step_m`` deep to ``x_max_m``, ``z_climb_m`` high in all, at ``speed_mps`` with a rest of
+    """Stairs ``step_m`` deep to ``x_max_m`` and ``z_climb_m`` high in all. Speed is ``speed_mps`` with a rest of
     ``hold_time_s`` after every edge. Then down again the same way, and so on. The sheet does not define the order;
     here it is first ahead, then up."""
     stairs = max(round(params["x_max_m"] / params["step_m"]), 1)

@@ -1,6 +1,6 @@
 """From what the vehicle and the room saw to a recording: packets, losses, late stamps, interpolation, motion capture.
 
-The published files were made so: every message of the vehicle is sent at 100 Hz, some packets are lost, and the rest
+The published files were made so: every message of the vehicle is sent at 100 Hz, and some packets are lost. The rest
 get a timestamp on arrival. All columns are then interpolated linearly onto the frames of the motion capture. The last
 quarter of a second is a straight line continued, because the streams were shifted by a constant after they ended.
 """
@@ -29,8 +29,8 @@ ROOM_NOISE = MocapNoise()
 class LoggingChain:
     """What happens to a flight on its way into a file. The defaults are a clean recording as they come.
 
-    - loss: lowest and highest share of packets lost per stream; burst: chance that a lost packet is followed by
-      another; longest_gap_s: no stretch without a packet is longer.
+    - loss: lowest and highest share of packets lost per stream. The chance that a lost packet is followed by
+      another is burst; longest_gap_s is the longest stretch without a packet.
     - battery_period_s: of the battery one packet in this time.
     - offset_s, drift, wander_sd_s: error of the vehicle's timestamps (positive = late): constant, per second, and
       standard deviation of a sawtooth common to all streams.

@@ -1,9 +1,9 @@
 """Timeline of n practice flights: ground, take-off, hover, path, landing, ground.
 
 The published recordings run this timeline: motors on at about 2.0 s, take-off planner of 2 s, streamed hover from 2.5
-s after it began, streamed path 1 s later. Then come the landing planner of 3 s from the place reached, motors off, and
-3.5 s ground. The planner is the firmware's seventh-order polynomial between two standstills (zero velocity,
-acceleration, jerk).
+s after it began. The streamed path begins 1 s later. Then come the landing planner of 3 s from the place reached,
+motors off, and 3.5 s ground. The planner is the firmware's seventh-order polynomial between two standstills (zero
+velocity, acceleration, jerk).
 """
 
 from __future__ import annotations

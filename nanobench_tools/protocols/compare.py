@@ -224,8 +224,8 @@ class GateChange(Result):
 
 def gates(rows: Sequence[GateRow], recorded: Sequence[GateRow], labels: Mapping[str, int],
           seed: int = 0) -> dict[str, GateChange]:
-    """The gate on another clock against the same flights as ``recorded``: path gap, errors of lag and RMSE ratio, and
-    the share of flights that fail."""
+    """The gate on another clock against the same flights as ``recorded``. Compared are path gap, errors of lag and
+    RMSE ratio, and the share of flights that fail."""
     ours, theirs = ({row.flight: _gate_errors(row) for row in found} for found in (rows, recorded))
     names = [name for name in ours if name in theirs]
     if not names:

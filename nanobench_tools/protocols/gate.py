@@ -2,8 +2,11 @@
 
 A case is a held-out recording from its first to its last airborne time, as far as its log is alive. The repeated flight
 (``controllers.plants.gate_flights``) gets setpoints, battery, radio gaps and the initial state as logged, and no more.
-It passes on three conditions: the RMSE to the setpoints is within RATIO of the real one, the lag behind them within
-LAG_S, and the median distance of the two paths below GAP_M.
+It passes on three conditions.
+
+- The RMSE to the setpoints is within RATIO of the real one.
+- The lag behind them is within LAG_S.
+- The median distance of the two paths is below GAP_M.
 """
 
 from __future__ import annotations

@@ -22,8 +22,8 @@ class MeanStd(Result):
 
 @dataclass(frozen=True, repr=False)
 class Published(Result):
-    """A published row for comparison with ours: by metric a MeanStd; of Task 1 the error after {1, 10, 50} steps and
-    their ``sum`` over 1..50.
+    """A published row for comparison with ours: by metric a MeanStd. Of Task 1 it has the error after {1, 10, 50}
+    steps and their ``sum`` over 1..50.
 
     published_n: flights."""
 

@@ -189,8 +189,8 @@ def is_logged(method: Estimator) -> TypeGuard[OnboardEkf]:
 
 
 def given_to(case: Case, method: Estimator | None = None) -> Flight:
-    """The flight as ``method`` (None: any user's) gets it: poses until GIVEN_S after the start of the first span, no
-    rows after the last. Estimates logged in flight get no motion capture."""
+    """The flight as ``method`` (None: any user's) gets it. It has poses until GIVEN_S after the start of the first
+    span, and no rows after the last. Estimates logged in flight get no motion capture."""
     start, end = case.spans[0].start_s, case.spans[-1].end_s
     cut = case.flight.without_streams("mocap").during(Span(-np.inf, end))
     if method is not None and is_logged(method):

@@ -19,8 +19,8 @@ SURROGATE = re.compile("[\ud800-\udfff]")
 
 def envelope(schema: str, body: Mapping[str, Any] | Result, synthetic: bool, manifest: Mapping[str, Any],
              failed: list[dict[str, str]]) -> dict[str, Any]:
-    """Every result file has ``schema`` (``audit`` becomes ``nanobench-audit/1``), ``version`` of the package,
-    ``synthetic``, ``manifest``, ``failed`` and the keys of ``body``. All of it is JSON types."""
+    """Every result file has ``schema`` (``audit`` becomes ``nanobench-audit/1``) and ``version`` of the package. It
+    also has ``synthetic``, ``manifest``, ``failed`` and the keys of ``body``. All of it is JSON types."""
     name = schema if "/" in schema else f"nanobench-{schema}/1"
     found: dict[str, Any] = to_json({"schema": name, "version": __version__, "synthetic": synthetic,
                                      "manifest": manifest, "failed": failed, **to_json(body)})

@@ -2,8 +2,8 @@
 
 A log that stops before the recording does is continued by the resampler as a straight line (all columns exactly
 linear in time) or held. A straight line that moves is proof enough: no sensor draws one. A held one is proof only for
-streams that cannot hold still, because their noise is gone. Commands may hold (a setpoint, motors at 0), so a held
-command is called dead only from the moment at which the streams with noise died as well.
+streams that cannot hold still, because their noise is gone. Commands may hold (a setpoint, motors at 0). A held
+command is therefore called dead only from the moment at which the streams with noise died as well.
 """
 
 from __future__ import annotations

@@ -113,7 +113,7 @@ def _band(values: np.ndarray) -> np.ndarray:
 
 
 def ground_axes(context: Context) -> dict[Axis, float]:
-    """Axis -> climb [m] of every axis that may point up: the vehicle is at rest at both ends of the recording and is
+    """Axis -> climb [m] of every axis that may point up. The vehicle is at rest at both ends of the recording and is
     above that place in between. Only z where z may point up; empty where it is undecided."""
     time_s, position, _ = context.once(seen_poses)
     ends = [position[time_s <= time_s[0] + STANDS_S], position[time_s >= time_s[-1] - STANDS_S]] if len(time_s) else []

@@ -1,7 +1,7 @@
 """Rows of a log sent by radio that no packet carried, and the gaps of the radio that they show.
 
 A resampler draws rows on a straight line where no packet came. While no packet comes down from the vehicle, none goes
-up to it: every packet of its log is the answer to one that it was sent.
+up to it. Every packet of its log is the answer to one that it was sent.
 """
 
 from __future__ import annotations

@@ -89,7 +89,7 @@ def least_height(values: np.ndarray, first: int, end: int, limit: np.ndarray) ->
     A moving vehicle moves on during the spike. The median of the neighbours may be nearer by a row's step for each row
     of the spike. The neighbours on either side also differ; a spike that returns must be twice that difference. Rows a
     step beyond the limit away count as part of it. The spoiled reading may have been off to the other side by as much
-    as readings around it (97 % of them: all but those that the spike itself reaches).
+    as readings around it. Counted are 97 % of these: all but those that the spike itself reaches.
     """
     rows = slice(max(first - AROUND, 0), end + AROUND)
     noise, off = np.quantile(_distance(values[rows]), (0.5, AROUND_QUANTILE), axis=0)

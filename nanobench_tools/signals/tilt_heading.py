@@ -1,5 +1,5 @@
-"""Whether the tracked attitude tilts where the path accelerates: it does not if the quaternions are inverted, or if
-attitude and position are given in worlds that are turned about the vertical."""
+"""Whether the tracked attitude tilts where the path accelerates. It does not if the quaternions are inverted, or if
+attitude and position are in worlds that are turned about the vertical."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 def tilt_and_acceleration(context: Context) -> np.ndarray | None:
-    """(3, n, 2) m/s^2, world, band-limited, in the air: horizontal acceleration of the tracked path, that which the
-    tilt gives, and that which the tilt of the inverted quaternions would give. None with less than three seconds."""
+    """(3, n, 2) m/s^2, world, band-limited, in the air: three horizontal accelerations. They are that of the tracked
+    path, that of the tilt, and that of the tilt of the inverted quaternions. None with less than three seconds."""
     truth, use = context.once(derivatives_of), context.once(flying_rows)
     if truth is None or use.sum() < FEWEST_ROWS:
         return None

@@ -48,8 +48,8 @@ def gravity_axis(context: Context) -> Gravity | None:
 
 
 def wrong_units(context: Context) -> list[WrongUnit]:
-    """Ranges first; what they explain is not reported again by the path and the comparison. Gravity alone decides the
-    unit of the accelerometer: derivatives of noisy poses are larger than any acceleration."""
+    """Ranges first; faults that they explain are not reported again by the path and the comparison. Gravity alone
+    decides the unit of the accelerometer: derivatives of noisy poses are larger than any acceleration."""
     found = list(context.once(wrong_ranges))
     reported = {(w.stream, q) for w in found for q in w.quantities}
     found += [w for w in context.once(wrong_paths) if not reported & {(w.stream, q) for q in w.quantities}]

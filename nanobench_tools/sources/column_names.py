@@ -32,8 +32,8 @@ _PLAIN = {"imu", "sensor", "body", "b", "meas", "measured", "filtered", "filt", 
           "frame", "stamped", "header", "field", "volt", "volts", "v", "out", "output", "msg", "rigid",
           "level"}
 NUMBERED = "0123"
-"""Parts of a quaternion by number: ``meaning`` maps q0 .. q3, since the scalar is the first in some logs and the last
-in others."""
+"""Parts of a quaternion by number, with ``meaning`` for q0 .. q3. The scalar is the first in some logs and the last in
+others."""
 _TIME = {"t", "time", "timestamp", "timestamps", "stamp", "ts", "sec", "secs", "seconds", "datetime", "elapsed"}
 _CHARGE = {"percent", "percentage", "pct", "soc", "charge", "level", "remaining"}
 

@@ -27,8 +27,8 @@ BODY = ("outcome", "paragraph", "findings", "unknown", "power", "rejected", "cor
 class Diagnosed(Result):
     """One verdict.
 
-    - share: how much of the rise of a prediction error the corrected simulator removes, over what the nominal one does
-      (None where nothing rises or is corrected).
+    - share: the share of the rise of a prediction error that the corrected simulator removes, over that of the nominal
+      one. It is None where nothing rises or is corrected.
     - cpu_s; error: reason for a missing verdict."""
 
     verdict: Mapping[str, Any]

@@ -1,9 +1,9 @@
 """clock_drift: the stamps of a stream gain or lose against the motion capture, at one rate over the whole flight.
 
-Found as the slope of the time error over the flight (``drift_and_wander``), from half-second lags of gyro and
-attitude, and from the estimated position along its path. The slope must exceed what the scatter around the line
-explains (chance below 1e-6), and 4 ms over the flight. A clock that wanders scatters, so its slope counts only if it
-exceeds the scatter.
+Found as the slope of the time error over the flight (``drift_and_wander``). It uses half-second lags of gyro and
+attitude, and the estimated position along its path. The slope must exceed what the scatter around the line explains
+(chance below 1e-6), and 4 ms over the flight. A clock that wanders scatters, so its slope counts only if it exceeds
+the scatter.
 
 Size: s per s. Smallest found: stated per stream, 4-15 ms over a flight with a quiet clock.
 """

@@ -1,9 +1,9 @@
 """clock_wander: the time error of a stream moves within the flight, beyond a constant and a line.
 
 Found in two ways. By scatter that noise does not explain (``drift_and_wander``). It compares half-second lags of gyro
-and attitude with a placebo fit of the same spectrum, and the estimated position's error along its path with that
-across. And by the error itself, row by row (``moving.infer``), where streams that did not set it confirm it. In the
-published recordings the link's clock wanders by 33 ms in steps of tenths of a second, for all streams alike. Half
+and attitude with a placebo fit of the same spectrum. The estimated position's error along its path is compared with
+that across. And by the error itself, row by row (``moving.infer``), where streams that did not set it confirm it. In
+the published recordings the link's clock wanders by 33 ms in steps of tenths of a second, for all streams alike. Half
 seconds average part of that out, so the size is that of the error row by row if there is one. The wander over time is
 in the clock of the stream (``time_offset``).
 

@@ -6,8 +6,8 @@ where they cannot plausibly be constant (``signals.dropouts.holds_still_rightly`
 requests of an active controller). A held setpoint is no fault, so its freezing cannot be detected. On a test rig every
 stream may be constant. Single columns are looked at where a sensor's or estimate's step is far below its noise (IMU,
 estimated position, velocity, acceleration). The motion capture's repeated poses are ``mocap_occlusion``. A stream that
-is constant to the end is ``dead_stream``, except for a battery that shows one value from the first row to the last
-while the motors run.
+is constant to the end is ``dead_stream``. The exception is a battery that shows one value from the first row to the
+last while the motors run.
 
 Size: seconds. Smallest found: 0.15 s; battery 3 s.
 """

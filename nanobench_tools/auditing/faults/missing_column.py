@@ -1,8 +1,8 @@
 """missing_column: a column of the format is not in the file, or holds no value.
 
-Found by the reader. In a flight without a reader's verdict, this check finds elements that are missing from a vector
-of which others are present (two axes of a gyro, motors 1, 2 and 4). Only the reader can know how many motors there
-are. Takes no time away: whoever needs the column gets an InputError that names it.
+Found by the reader. In a flight without a reader's verdict, this check finds incomplete vectors (two axes of a gyro,
+motors 1, 2 and 4). Only the reader can know how many motors there are. Takes no time away: whoever needs the column
+gets an InputError that names it.
 
 Size: columns. Smallest found: one column.
 """

@@ -5,9 +5,9 @@ vehicle bends its path by up to 9 mm in a frame (72 real flights, hard landings 
 the limit is 12 mm + 60 m/s^2 dt^2 (18 mm for a frame of 10 ms). For the rotation it is 0.17 rad + 300 rad/s^2 dt^2
 (noise of single frames reaches 0.07). Samples that jump and come back within three rows are ``spike``.
 
-A jump changes the frame of the truth until another one undoes it, so the fault is the displaced stretch from the jump
-to its counter-jump. If it never returns, the stretch goes to the end of the recording (or from the start to the jump
-if that part is shorter). The rest is in one frame. One entry per displaced stretch.
+A jump changes the frame of the truth until another one undoes it. The fault is therefore the displaced stretch from
+the jump to its counter-jump. If it never returns, the stretch goes to the end of the recording (or from the start to
+the jump if that part is shorter). The rest is in one frame. One entry per displaced stretch.
 
 Size: metres, or radians for a rotation alone. Smallest found: the limit plus the noise of the poses.
 """

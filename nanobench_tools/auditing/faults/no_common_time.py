@@ -2,8 +2,9 @@
 
 Found by the first and last timestamp of each stream, against the motion capture (else the first of IMU, estimate,
 attitude and motors). If the time between two streams exceeds the duration of either, their clocks have different
-origins (time since boot and Unix time, a date that was never set). The recording cannot be used until one is moved. A
-stream that ended before the other began is unfit alone, unless it is one of sensors, estimates or motors.
+origins. Examples are time since boot and Unix time, or a date that was never set. The recording cannot be used until
+one is moved. A stream that ended before the other began is unfit alone, unless it is one of sensors, estimates or
+motors.
 
 Size: seconds between the streams. Smallest found: any without a common moment.
 """

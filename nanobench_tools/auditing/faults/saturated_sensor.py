@@ -1,7 +1,7 @@
 """saturated_sensor: a gyro or accelerometer stuck at the end of its range.
 
 Found by rows that equal the largest (or smallest) value of their column exactly. A sensor with noise meets its own
-extreme once (1224 of 1224 column ends of 102 real recordings), one that clips meets it again and again. At least three
+extreme once (1224 of 1224 column ends of 102 real recordings). One that clips meets it again and again. At least three
 rows, and three times as many as at any of the five values next to it. Coarse steps of a quiet sensor thus do not
 count. One entry per column and end of the range; the span runs from the first to the last such row. A frozen stream
 repeats all columns and is reported as that. Rows drawn between two packets count: a line between two clipped ones is

@@ -2,9 +2,9 @@
 
 Found by its correlation with the motion capture's prediction in the air (gyro, specific force, attitude rates,
 estimated position, velocity and acceleration, requested attitude, setpoint). The correlation is taken at the lag that
-fits the whole stream best. It is below -0.4, with one sign in the seconds of the flight (t > 4), and clearly better
-than any lag without a change of sign. The accelerometer's z is judged by gravity. True correlations of real flights
-are +0.2 to +1.0. When gyro and estimated attitude are both negated, the motion capture is.
+fits the whole stream best. It is below -0.4 with one sign in the seconds of the flight (t > 4). It must also be
+clearly better than any lag without a change of sign. The accelerometer's z is judged by gravity. True correlations of
+real flights are +0.2 to +1.0. When gyro and estimated attitude are both negated, the motion capture is.
 
 Size: the correlation's sign, -1. Smallest found: any axis that moves enough for a correlation of 0.4. Other axes (yaw
 in flights that hold their heading, a world axis not flown along) are not judged.

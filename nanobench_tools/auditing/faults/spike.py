@@ -1,15 +1,15 @@
 """spike: one sample (up to three rows, since interpolation spreads it) that sticks out and is gone again.
 
 Found as the distance of a row from the median of the seven rows around it. A spike is farther off than the vehicle can
-get in 30 ms, and more than 12 times the median distance of the rows within half a second (noise of this very place).
-``signals.spikes.LIMITS`` gives the first limit per quantity, from its agility: 40 m/s^2, 300 rad/s^2, and the radio
-clock's jumps of up to 70 ms for estimates. Accelerometer, gyro, accelerations and attitude are not judged within 0.2 m
-of the ground from take-off on, where true shocks look the same. Positions are not judged where they turn round there,
-as in a bounce. Motors, requests and setpoints may jump by right. One entry per spike.
+get in 30 ms. It also exceeds 12 times the median distance of the rows within half a second (noise of this very place).
+``signals.spikes.LIMITS`` gives the first limit per quantity, from its agility: 40 m/s^2 and 300 rad/s^2. For estimates
+it is the radio clock's jumps of up to 70 ms. Accelerometer, gyro, accelerations and attitude are not judged within 0.2
+m of the ground from take-off on, where true shocks look the same. Positions are not judged where they turn round
+there, as in a bounce. Motors, requests and setpoints may jump by right. One entry per spike.
 
-Size: distance, in the unit of the column. Smallest found: the larger of the two limits. If larger, twice the
-vehicle's motion from the row before to the row after, so that a jump that stays is not taken for a spike. A row's
-movement and noise are added, which may hide it. It is 2 cm for the motion capture of a resting vehicle, 6 cm at 1 m/s.
+Size: distance, in the unit of the column. Smallest found: the larger of the two limits. If larger, it is twice the
+vehicle's motion from the row before to the row after: a jump that stays must not count as a spike. A row's movement
+and noise are added, which may hide it. It is 2 cm for the motion capture of a resting vehicle, 6 cm at 1 m/s.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """truncated: the file ends early.
 
 Found by the reader: a last row or record that is cut off. Or fewer rows than the recording's sheet counts, with an end
-more than 0.1 s before the stated one (rows alone may be missing inside, or be rarer). Size: rows or bytes that are
+more than 0.1 s before the stated one. Rows alone may be missing inside, or be rarer. Size: rows or bytes that are
 missing, as far as known. Smallest found: one.
 """
 

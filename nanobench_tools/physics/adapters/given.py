@@ -25,8 +25,8 @@ hover. Or a dictionary of "specific_force_m_s2" or "acceleration_m_s2" (world, g
 "angular_acceleration_rad_s2". Motors that lag may be integrated over the rows of the stretch; nothing else has to be.
 
 A class is made without arguments first. Its objects are callable in the same way, or have ``reset()`` and
-``step(row)``. ``reset()`` is called before every stretch. ``step(row)`` is called for its rows in order with an
-``Along`` of one row without the axis n ((3,), (4,), floats), and returns the same for one row. ``vehicle``
+``step(row)``. ``reset()`` is called before every stretch. ``step(row)`` is called for its rows in order, and returns
+the same for one row. The row is an ``Along`` without the axis n ((3,), (4,), floats). ``vehicle``
 (``nanobench_tools.physics.Vehicle``) of a callable gives its mass and arms, because flights show only thrust over
 mass.
 """

@@ -1,9 +1,9 @@
 """Poses from anybody's code: ``module:callable``, for example a node of ROS 2.
 
 The callable is called once with ``emit`` and returns at once. For every pose it later calls ``emit(time_s, (x, y, z),
-(qx, qy, qz, qw))`` from any thread, with time_s the Unix time of the exposure. It may return None, or an object with
-``setpoint(time_s, said)`` and ``close()``. The first is called with what is sent to the vehicle, the second at the
-end.
+(qx, qy, qz, qw))`` from any thread. There time_s is the Unix time of the exposure. It may return None, or an object
+with ``setpoint(time_s, said)`` and ``close()``. The first is called with what is sent to the vehicle, the second at
+the end.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """One pose of simulated motion capture as a UDP datagram.
 
-Send any datagram to the address (by default the vehicle's port + ``PORT_OFFSET``) to get poses for the next
-``SUBSCRIPTION_S``. Sending again in time keeps them coming.
+Send any datagram to the address to get poses for the next ``SUBSCRIPTION_S``. By default the address is the vehicle's
+port + ``PORT_OFFSET``. Sending again in time keeps them coming.
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
 The link itself resends lost packets. Set-up traffic (tables, parameters, answered commands) thus always arrives, in
 order, only later: every loss costs ``RESEND_S``. Unrepeated packets are really lost: set-points, poses and log data
 with probability ``loss``, and log data when the vehicle's queue is full. That makes the holes in recordings. Nine
-blocks of 100 Hz over 700 packets/s arrive as 77 Hz each, and a burst of the queue's content follows a hang of the
-link. (cflib over UDP never asks twice; a lost answer would leave it hanging where a real link would not.)
+blocks of 100 Hz over 700 packets/s arrive as 77 Hz each. A burst of the queue's content follows a hang of the link.
+(cflib over UDP never asks twice; a lost answer would leave it hanging where a real link would not.)
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ class RadioOptions:
 
     - latency_s: one way; jitter_s: mean of an exponential delay on top; loss 0..1: of packets.
     - packets_per_s: that the way down carries (None: no limit).
-    - hangs_per_s and hang_s: how often, and how long in the mean, both directions are blocked (2 and 0.06 make the
-      share of time that ``mathematics.packet_delay`` takes for hangs); seed.
+    - hangs_per_s and hang_s: rate and mean duration of hangs that block both directions. With 2 and 0.06, their share
+      of time is the one that ``mathematics.packet_delay`` assumes; seed.
 
     Raises InputError for what cannot be."""
 

@@ -34,7 +34,7 @@ UNSEEN = {
     "pid": "the vehicle follows its requests by an unknown delay",
     "battery": "cameras do not see the voltage",
     "command": "cameras do not see commands",
-    "stand": "a stand is always at rest",
+    "stand": "thrust-stand tables have no motion",
 }
 
 

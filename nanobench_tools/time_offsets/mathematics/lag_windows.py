@@ -1,8 +1,8 @@
 """How the time error of a stream moves within the flight, from windows of half a second.
 
 In every window the lag is what makes s(t) = A r(t - lag) fit best, A and the noise fixed by the whole flight. A
-placebo shows how far such lags scatter without any clock error: the same fit with the reference's slope turned by a
-quarter period (Hilbert transform). It has the same spectrum, meets the same noise, and a delay leaves it alone.
+placebo shows how far such lags scatter without any clock error. It is the same fit with the reference's slope turned
+by a quarter period (Hilbert transform). It has the same spectrum, meets the same noise, and a delay leaves it alone.
 """
 
 from __future__ import annotations

@@ -19,8 +19,8 @@ from .votes import AS_RECORDED, voters
 
 
 def find_time_offset(flight: Flight, clock: str, judged: Iterable[str] = ()) -> TimeOffset | None:
-    """Correction of the timestamps of ``flight`` for ``clock`` (``votes.CLOCKS``), if ``judged`` are judged on it
-    (``judged`` is of ``votes.ESTIMATES``); None if it cannot be identified.
+    """Correction of the timestamps of ``flight`` for ``clock`` (``votes.CLOCKS``). Here ``judged`` (of
+    ``votes.ESTIMATES``) are the estimates judged on it; None if it cannot be identified.
 
     Uses the motion capture of the whole flight: suitable for finding what limits a method, never for an online claim.
     Raises UsageError if the clock may not judge them.

@@ -52,7 +52,7 @@ def infer(context: Context, kinds: tuple[str, ...] = tuple(KINDS), causal: bool 
 
     No other stream has a vote. Two of them also vote on how the delay moves where one is the other's rate
     (``steps.STEP_KINDS``, needs no motion capture).
-    ``causal``: the value at t does not use the flight later than t + 0.06 s (which the derivatives of the poses need).
+    ``causal``: the value at t does not use the flight later than t + 0.06 s, which the derivatives of the poses need.
     Noise and lags are then the typical ones, because learning them takes the whole flight. Streams whose slow part has
     to be removed are left out.
     ``begin``: a warp found from fewer streams; half the passes are enough from there.
@@ -112,8 +112,8 @@ class Grid:
 def smooth_delay(evidence: list[Evidence], rows_s: np.ndarray, likely: Steps,
                  begin: TimeOffset | None = None) -> tuple[np.ndarray, np.ndarray, float]:
     """(n,) posterior mean and standard deviation of the delay [s] at ``rows_s``. Also the logarithm of the likelihood
-    ratio of a moving delay to a constant one. Learns lag, noise and weight of every member of ``evidence`` on the way,
-    in place: on a coarse grid, but for the last pass."""
+    ratio of a moving delay to a constant one. Learns lag, noise and weight of every member of ``evidence`` in place.
+    All passes but the last are on a coarse grid."""
     # lags are learnt against a delay that the stream itself did not vote for, else they are drawn towards the old one
     leading = [e for e in evidence if e.kind.group == "estimator"] or evidence
     delay = np.zeros(len(rows_s)) if begin is None else begin.at(rows_s)
