@@ -150,7 +150,7 @@ def score_bracket(flight: Flight) -> dict[str, tuple[float, ...]]:
 def null_table(console: Console, rows: Sequence[dict[str, nulls.Errors]], word: str) -> list[dict[str, object]]:
     cases = list(dict.fromkeys(key.split("|")[1] for key in rows[0]))
     table = Table(title=f"nulls, n = {len(rows)} {word} flights: share of an injected error's variance. Kept: an "
-                        "estimate's error along the track; removed: a wander of the stamps", title_justify="left")
+                        "estimate's error along the track; removed: a wander of the timestamps", title_justify="left")
     for column in ("clock from", *cases):
         table.add_column(column)
     found = []

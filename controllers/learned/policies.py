@@ -111,7 +111,7 @@ def restored(network: Network) -> Any:
 
 def task_of(kind: str, shown: Shown, seed: int, mean: np.ndarray, spread: np.ndarray,
             extra: Sequence[Demonstration] = ()) -> Task:
-    """Training data of ``kind`` from ``shown``, with the ``extra`` flights added."""
+    """Training task of ``kind``: data from ``shown`` with the ``extra`` flights added, network and loss."""
     with_jax = libraries()
     jax, jnp = with_jax.jax, with_jax.jnp
     flights = [*shown.train, *extra, *shown.valid]

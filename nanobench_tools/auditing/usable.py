@@ -50,7 +50,7 @@ def stuck_clock(flight: Flight, needed: Needed) -> str | None:
         repeated = len(time_s) - len(np.unique(time_s))
         if repeated > len(time_s) / 2:
             return (f"the time column repeats itself, {repeated} of {len(time_s)} rows of the {name} stream carry the "
-                    f"stamp of another (coarse_time); {OWN_TIME}")
+                    f"timestamp of another (coarse_time); {OWN_TIME}")
     return None
 
 

@@ -30,7 +30,7 @@ from .shared_options import PATH, FiniteRange, shared_options
               help="Estimator to score in addition to the default ones of the protocol; may repeat.")
 @click.option("--only", is_flag=True, help="Score the estimators of --method alone.")
 @click.option("--trajectory-dir", "folders", multiple=True, type=PATH, metavar="DIR",
-              help="Score DIR/<flight>.tum at their own stamps; the method is the folder's name.")
+              help="Score DIR/<flight>.tum at their own timestamps; the method is the folder's name.")
 @click.option("--imu-noise", "noise_file", type=PATH, metavar="FILE",
               help="imu_noise.toml of nanobench noise, for the rows of --method that take one (smoothers and filters).")
 @click.option("--pose-rate", "rates", multiple=True, type=FiniteRange(min=0.1, max=1000.0), metavar="HZ",

@@ -30,10 +30,10 @@ SHORTEST_S = 1.0
               help=f"{KNOWN}. Default: two of three onboard_pid, the others onboard_mellinger.")
 @click.option("--seconds", "duration_s", type=FiniteRange(min=0.0), metavar="S",
               help="Length of every path [s]; with --serve: end after this time.")
-@click.option("--offset-ms", type=float, default=0.0, show_default=True, help="The vehicle's stamps are this late.")
+@click.option("--offset-ms", type=float, default=0.0, show_default=True, help="Delay of the vehicle's timestamps.")
 @click.option("--drift-ppm", type=float, default=0.0, show_default=True, help="The vehicle's clock is this fast.")
 @click.option("--wander-ms", type=FiniteRange(min=0.0), default=0.0, show_default=True,
-              help="Standard deviation of the sawtooth in the vehicle's stamps; the recordings have about 33.")
+              help="Standard deviation of the sawtooth in the vehicle's timestamps; the recordings have about 33.")
 @click.option("--suffix", type=click.Choice((".csv", ".csv.gz", ".csv.xz")), default=".csv", show_default=True)
 @serve_options
 def simulate(options: Options, flights: int, families: tuple[str, ...], speeds: tuple[str, ...], controller: str | None,

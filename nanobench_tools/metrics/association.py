@@ -56,7 +56,7 @@ def associate(time_s: np.ndarray, truth_time_s: np.ndarray, position_m: np.ndarr
     """
     at, t = np.asarray(time_s, float), np.asarray(truth_time_s, float)
     if len(t) < 2 or not (np.diff(t) > 0.0).all():
-        raise ValueError("the truth needs at least two rows with strictly rising stamps")
+        raise ValueError("the truth needs at least two rows with strictly rising timestamps")
     after = np.clip(np.searchsorted(t, at, side="left"), 1, len(t) - 1)
     on_a_row = (t[after] == at) | (t[after - 1] == at)
     kept = (at >= t[0]) & (at <= t[-1]) & ((t[after] - t[after - 1] <= maximum_gap_s) | on_a_row)

@@ -42,7 +42,7 @@ def clock_error(flight: Flight, audit: Mapping[str, Any], taken_out: Mapping[str
     span = (float(t[0]), float(t[-1]))
     middle, half = sum(span) / 2.0, min(FRAME_S, span[1] - span[0]) / 2.0
     time = Axis("time", "s", range=(middle - half, middle + half))
-    late = Mark("how late the stamps are, d(t)", rounded(t, 2e-3), rounded(1e3 * d, 0.05), "area",
+    late = Mark("how late the timestamps are, d(t)", rounded(t, 2e-3), rounded(1e3 * d, 0.05), "area",
                 low=rounded(1e3 * (d - SD_95 * sd), 0.05), high=rounded(1e3 * (d + SD_95 * sd), 0.05))
     found, note = track
     behind = [Mark(name, *envelope(time_s, values, span, BUCKETS, 0.1), colour=colour, dash=dash)

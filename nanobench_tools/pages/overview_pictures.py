@@ -193,7 +193,7 @@ def clocks(audit: Mapping[str, Any] | None) -> Figure | None:
     value, low, high = (list(v) for v in zip(*values, strict=True))
     mark = Mark("clock offset", value, [float(i) for i in range(len(names))], "points", low=low, high=high,
                 across=True, size=7, text=[f"{n}: {v:.1f} ms" for n, v in zip(names, value, strict=True)])
-    note = f"Positive: stamps of the {streams[0]} stream are late. Bars: 95 % interval of the constant offset."
+    note = f"Positive: timestamps of the {streams[0]} stream are late. Bars: 95 % interval of the constant offset."
     if unknown:
         note += f" Not identifiable: {', '.join(unknown)}."
     return Figure("Clock offset against motion capture", note,

@@ -74,7 +74,7 @@ def figure(flight: Flight, audit: Mapping[str, Any], taken_out: Mapping[str, Any
                         clock_panel(audit, taken_out), battery(flight, audit, airborne), motors(flight, audit)):
         panels += found
         outside += left
-    note = ("Error: onboard estimate against motion capture at the same stamps, not aligned, so a late clock counts. "
+    note = ("Error: onboard estimate against motion capture at equal timestamps, not aligned, so a late clock counts. "
             f"Shaded: cut by the audit. Each of {BUCKETS} stretches keeps its extremes; paths have "
             f"{PATH_RATE_HZ:g} points a second.")
     if outside:

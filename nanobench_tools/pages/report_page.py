@@ -145,7 +145,7 @@ def sections(results: Mapping[str, Mapping[str, Any]], tables: Sequence[Table],
             **joined(of("table_task1", "table_task1"), of("table_thrust"))),
         Section("mismatch", "Where is the simulator wrong?", "Simulation against these flights",
                 words.mismatch(verdict), {}),
-        Section("clocks", "How late are the stamps?", "Clocks against motion capture", [], drawn(
+        Section("clocks", "How late are the timestamps?", "Clocks against motion capture", [], drawn(
             clocks=overview_pictures.clocks(audit))),
         *([Section("published", "The published tables, and the same recordings corrected",
                    "Only shown where recordings of these tables are among yours", words.published(results), drawn(

@@ -65,5 +65,5 @@ def audit_flights(audit: Mapping[str, Any], synthetic: bool) -> Table:
             ", ".join(f"{kind} ×{n}" if n > 1 else kind for kind, n in fault_counts(flight).items()) or "none",
             text_of(flight.get("sha256"))[:12]))
     return Table("audit_flights", "Data audit: every recording", columns, tuple(lines),
-                 f"Clock offset of {' or '.join(CLOCK_STREAMS[:1])} against motion capture, positive when the stamps "
-                 "are late.")
+                 f"Clock offset of {' or '.join(CLOCK_STREAMS[:1])} against motion capture, positive when the "
+                 "timestamps are late.")

@@ -1,7 +1,7 @@
 """How wrong and how sure over time: single estimates with what they say of themselves, for pictures.
 
 For ``aided``, the flight whose error is the median of a method's. For ``blackout``, the longest window whose end error
-is; the same one for every method. Whoever wants another flight gives that one alone.
+is the median. It is the same one for every method. To show another flight, give that one alone.
 """
 
 from __future__ import annotations

@@ -264,12 +264,12 @@ def _scored_rows(case: Case, estimate: Estimate, method: Estimator,
     found = covered(estimate.time_s[rows], mocap_s[inside(spans, mocap_s) & (file | (mocap_s > given_s))])
     if isinstance(method, TrajectoryFile) and rows.sum() < FEWEST_POSES:
         raise InputError(str(method.path), _apart_in_time(case, estimate, rows),
-                         "stamps are seconds since 1970, or as in the recording")
+                         "timestamps are seconds since 1970, or as in the recording")
     if rows.sum() < FEWEST_POSES:
         raise InputError(case.flight.provenance.path,
-                         f"estimator {method.name} has {np.sum(rows)} stamps in the scored part of the flight and "
-                         f"covers {100.0 * found:.1f} % of it, {FEWEST_POSES} stamps are needed",
-                         f"a stamp every {2.0 * NEAR_S} s or more often, in seconds from the recording's first row")
+                         f"estimator {method.name} has {np.sum(rows)} timestamps in the scored part of the flight and "
+                         f"covers {100.0 * found:.1f} % of it, {FEWEST_POSES} timestamps are needed",
+                         f"a timestamp every {2.0 * NEAR_S} s or more often, in seconds from the recording's first row")
     return intersect_spans(spans, stretches(estimate.time_s[rows])), rows, found
 
 
@@ -277,8 +277,8 @@ def _apart_in_time(case: Case, estimate: Estimate, rows: np.ndarray) -> str:
     """How a trajectory and the scored part of the flight lie in time, where too few of its stamps fall into it."""
     zero, n = case.flight.epoch_s, int(np.sum(rows))
     runs = f"it runs from {zero + estimate.time_s[0]:.3f} to {zero + estimate.time_s[-1]:.3f} s"
-    return (f"{n} of {len(rows)} stamps lie in the scored part of the flight, {FEWEST_POSES} are needed: {runs}, that "
-            f"part from {zero + case.spans[0].start_s:.3f} to {zero + case.spans[-1].end_s:.3f} s")
+    return (f"{n} of {len(rows)} timestamps lie in the scored part of the flight, {FEWEST_POSES} are needed: {runs}, "
+            f"that part from {zero + case.spans[0].start_s:.3f} to {zero + case.spans[-1].end_s:.3f} s")
 
 
 def score(case: Case, method: Estimator, protocol: str) -> Scored:
@@ -297,7 +297,7 @@ def score_given(case: Case, method: Estimator, protocol: str, flight: Flight, gi
                       mocap["qx", "qy", "qz", "qw"], mocap["vx", "vy", "vz"])
     rows = np.flatnonzero(rows)[truth.kept]
     if len(rows) < 3:
-        raise InputError(place, f"estimator {method.name} has {len(rows)} stamps in the scored part of the flight",
+        raise InputError(place, f"estimator {method.name} has {len(rows)} timestamps in the scored part of the flight",
                          "times are seconds from the first row of the recording")
     truth_m_s = np.asarray(truth.velocity_m_s)
     t, p, q = estimate.time_s[rows], estimate.position_m[rows], estimate.quaternion[rows]

@@ -125,7 +125,7 @@ def one_grid(flight: str, streams: Mapping[str, Sampled], rate_hz: float) -> pd.
     rows = {name: rising(stream.time_s) for name, stream in streams.items()}
     times = {name: streams[name].time_s[keep] for name, keep in rows.items() if keep.sum() > 1}
     if not times:
-        raise InputError(flight, "no stream has two rows whose stamps rise")
+        raise InputError(flight, "no stream has two rows whose timestamps rise")
     first, last = min(t[0] for t in times.values()), max(t[-1] for t in times.values())
     if (last - first) * rate_hz > MOST_ROWS:
         raise UsageError(f"{last - first:.0f} s at {rate_hz:g} Hz are more than {MOST_ROWS} rows; take a lower rate_hz")

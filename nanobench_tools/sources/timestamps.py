@@ -18,8 +18,8 @@ def not_seconds(stamps: np.ndarray, declared: bool = False) -> str | None:
         return None
     middle = float(np.median(np.abs(finite)))
     if middle > LATEST_S:
-        return f"stamps of about {middle:.4g} are no seconds"
+        return f"timestamps of about {middle:.4g} are no seconds"
     step = float(np.median(np.diff(finite))) if len(finite) > 2 else 0.0
     if step > LONGEST_STEP_S and not declared:
-        return f"stamps that are {step:.4g} apart are no seconds of a recording"
+        return f"timestamps that are {step:.4g} apart are no seconds of a recording"
     return None

@@ -12,7 +12,8 @@ from nanobench_tools.steps.show import interval_text, score_text
 from nanobench_tools.tables.result_table import Column, Score, Table
 from nanobench_tools.tables.terminal import lines_of
 
-SENTENCES = ("all 17.6 s of the flight are usable; stamps are corrected", "the gyro was saturated for 0.25 s near 12 s",
+SENTENCES = ("all 17.6 s of the flight are usable; timestamps are corrected",
+             "the gyro was saturated for 0.25 s near 12 s",
              "leave the recording out of identification")
 
 

@@ -47,7 +47,7 @@ def test_one_file_with_the_headings_and_nothing_to_fetch(real):
     assert read.headings == [
         "2 recordings of folder", "Flights", "Where was it?",
         "How well was it flown, and how would another controller fly?",
-        "Which physics does it obey?", "How late are the stamps?",
+        "Which physics does it obey?", "How late are the timestamps?",
         "The published tables, and the same recordings corrected", "How this was made"]
     assert all(v.startswith("data:") for v in read.fetched)
     assert not {"iframe", "object", "embed", "img"} & set(read.tags)
@@ -101,7 +101,7 @@ def test_a_name_that_is_no_text_is_shown_with_question_marks(tmp_path, make):
 
 
 @pytest.mark.parametrize(("absent", "heading"), [
-    ("estimate", "Where was it?"), ("sysid", "Which physics does it obey?"), ("audit", "How late are the stamps?"),
+    ("estimate", "Where was it?"), ("sysid", "Which physics does it obey?"), ("audit", "How late are the timestamps?"),
     ("control", "How well was it flown, and how would another controller fly?")])
 def test_an_absent_result_has_no_section(tmp_path, flights, results, absent, heading):
     kept = {name: body for name, body in results.items() if name != absent}

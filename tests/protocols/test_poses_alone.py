@@ -68,7 +68,7 @@ def test_a_constant_offset_of_1_cm_is_an_error_of_10_mm_on_the_part_that_is_cove
 def test_a_trajectory_of_another_time_is_a_line_with_both_times(tmp_path):
     case = the_case(poses_only())
     late = trajectory(tmp_path, np.arange(0.0, 5.0, 0.1), epoch_s=1.7e9)
-    with pytest.raises(InputError, match=r"poses\.tum: 0 of 50 stamps lie in the scored part .* 1700000000\.000 .* "
+    with pytest.raises(InputError, match=r"poses\.tum: 0 of 50 timestamps lie in the scored part .* 1700000000\.000 .* "
                                          r"that part from 0\.\d+ to 19\.\d+ s"):
         task3.score(case, late, "clean")
 

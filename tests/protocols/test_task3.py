@@ -156,7 +156,7 @@ def poses(mocap, rows=slice(None), off_m=0.0):
 
 
 def test_the_given_poses_alone_are_no_estimate():
-    with pytest.raises(InputError, match=r"made\.csv: estimator mine has 0 stamps .* covers 0\.0 % of it, 10 stamps"):
+    with pytest.raises(InputError, match=r"estimator mine has 0 timestamps .* covers 0\.0 % of it, 10 timestamps"):
         task3.score(one_case(made_flight()), From(lambda given: poses(given["mocap"])), "clean")
 
 
@@ -177,7 +177,7 @@ def test_an_estimate_is_scored_on_the_part_that_it_covers(protocol, until_s, eve
 def test_a_few_stamps_are_no_estimate():
     mocap = made_flight()["mocap"]
     few = From(lambda given: poses(mocap, np.flatnonzero(mocap.time_s > 5.0)[:9 * 20:20]))
-    with pytest.raises(InputError, match=r"has 9 stamps .* covers \d+\.\d % of it, 10 stamps are needed"):
+    with pytest.raises(InputError, match=r"has 9 timestamps .* covers \d+\.\d % of it, 10 timestamps are needed"):
         task3.score(one_case(made_flight()), few, "clean")
 
 
@@ -216,7 +216,7 @@ def test_a_trajectory_file_of_a_few_poses_fails_and_the_logged_one_is_scored_fro
     write_tum(path, flight, value.trajectory)
     assert task3.score(case, TrajectoryFile(path), "clean").rows == value.rows
     write_tum(path, flight, value.trajectory[:8])
-    with pytest.raises(InputError, match=r"made\.tum: 8 of 8 stamps lie in the scored part .*, 10 are needed"):
+    with pytest.raises(InputError, match=r"made\.tum: 8 of 8 timestamps lie in the scored part .*, 10 are needed"):
         task3.score(case, TrajectoryFile(path), "clean")
 
 
@@ -277,7 +277,7 @@ def test_what_was_logged_is_scored_without_any_motion_capture(protocol, monkeypa
     (Estimate(np.array([5.0, 4.0, 6.0]), np.zeros((3, 3)), np.ones((3, 4))), "do not rise"),
     (Estimate(np.array([5.0, 6.0, 7.0]), np.full((3, 3), np.nan), np.ones((3, 4))), "no pose at 5.000 s"),
     (Estimate(np.array([5.0, 6.0, 7.0]), np.zeros((3, 3)), np.zeros((3, 4))), "no pose at 5.000 s"),
-    (Estimate(np.arange(3.0) + 1e9, np.zeros((3, 3)), np.ones((3, 4))), "0 stamps in the scored part"),
+    (Estimate(np.arange(3.0) + 1e9, np.zeros((3, 3)), np.ones((3, 4))), "0 timestamps in the scored part"),
     (None, "gave no time_s")])
 def test_what_is_no_trajectory_is_said_in_one_line(found, says):
     class Bad:

@@ -40,7 +40,7 @@ def test_judged_has_to_be_said():
 
 def test_what_a_row_was_given_names_only_who_was_heard():
     """A joint clock without gyro takes nothing out, and one that does not move heard no position."""
-    assert votes("joint", ()) == "; stamps as recorded, as no stream identified their time error"
+    assert votes("joint", ()) == "; timestamps as recorded, as no stream identified their time error"
     assert "position" not in votes("joint", ("gyro",), moving=False)
     assert "constant offset, found off-line from gyro" in votes("retimed", ("gyro",), moving=False)
 
@@ -73,7 +73,7 @@ def test_a_retimed_flight_carries_its_voters(flight):
 def test_stamps_are_moved_once(flight):
     moved = flight.retimed()
     for again in (moved, flight.retimed("offset")):
-        with pytest.raises(InputError, match=r"stamps were moved before, by gyro.*use the recording as it was read"):
+        with pytest.raises(InputError, match=r"timestamps were moved before, by gyro.*use the recording as it was"):
             again.retimed()
 
 

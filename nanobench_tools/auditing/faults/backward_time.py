@@ -29,6 +29,6 @@ def find(flight: Flight, context: Context) -> list[Fault]:
 
 
 FAULT = FaultKind(KIND, find, __doc__,
-                  told="stamps of {streams} run backwards {count}",
+                  told="timestamps of {streams} run backwards {count}",
                   group="clock", cuts=True, cuts_trim=False,
                   injection="nanobench_tools.practice.inject.clock_faults:BACKWARD_TIME")

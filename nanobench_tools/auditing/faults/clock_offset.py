@@ -38,7 +38,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         half = 0.5 * (high - low - (OWN_LAG_S[1] - OWN_LAG_S[0] if own else 0.0))
         late = "late" if reading.offset_s > 0.0 else "early"
         evidence = (
-            f"stamps of {name} are {1e3 * abs(reading.offset_s):.1f} ms {late} (95 % interval {1e3 * low:.1f} to "
+            f"timestamps of {name} are {1e3 * abs(reading.offset_s):.1f} ms {late} (95 % interval {1e3 * low:.1f} to "
             f"{1e3 * high:.1f} ms); {reading.reason}"
         )
         faults.append(over_stream(KIND, flight, name, None, reading.offset_s, "s", evidence,
@@ -47,7 +47,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
 
 
 FAULT = FaultKind(KIND, find, __doc__,
-                  told="stamps of {streams} are {lateness}",
+                  told="timestamps of {streams} are {lateness}",
                   advice="try --clock retimed",
                   group="clock", corrected=True, left_s=lambda fault: abs(fault.size), whole=True,
                   injection="nanobench_tools.practice.inject.clock_faults:CLOCK_OFFSET")

@@ -25,11 +25,11 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         for a, b in runs(np.concatenate(([False], np.diff(t) == 0.0))):
             start, end = float(t[a - 1]), float(t[min(b, len(t) - 1)])
             faults.append(Fault(KIND, stream, ("t",), start, max(end, start), float(b - a), "rows",
-                                f"{b - a + 1} rows have the stamp {start:.4f} s", 1.0))
+                                f"{b - a + 1} rows have the timestamp {start:.4f} s", 1.0))
     return faults
 
 
 FAULT = FaultKind(KIND, find, __doc__,
-                  told="{count} of {streams} share a stamp with another",
+                  told="{count} of {streams} share a timestamp with another",
                   advice="check the time column: every row needs its own",
                   group="clock", injection="nanobench_tools.practice.inject.clock_faults:DUPLICATE_TIME")

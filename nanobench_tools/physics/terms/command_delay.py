@@ -22,7 +22,7 @@ def delayed(inputs: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> 
 
 
 TERM = Term(name="command_delay",
-            sentence="Every motor command acts a constant time after the stamp it is logged with.",
+            sentence="Every motor command acts a constant time after the timestamp it is logged with.",
             equation="u_i <- u_i(t - d)",
             parameters=(Parameter("delay_s", "s", 0.0, 0.2, TYPICAL_S, neutral=0.0,
                                   systematic=Systematic(SYSTEMATIC_S), search_start=SEARCH_START_S, fitted=FITTED,

@@ -30,7 +30,7 @@ def clock_offset(flight: Flight, rng: np.random.Generator, size: float = 0.05, *
     """The vehicle's stamps (or one stream's) are ``size`` s late."""
     span = flight.span
     return (_restamped(flight, ClockError(size), stream),
-            truth("clock_offset", stream, (), (span.start_s, span.end_s), size, "s", "stamps late by a constant"))
+            truth("clock_offset", stream, (), (span.start_s, span.end_s), size, "s", "timestamps late by a constant"))
 
 
 def clock_drift(flight: Flight, rng: np.random.Generator, size: float = 0.002, *,
@@ -39,7 +39,7 @@ def clock_drift(flight: Flight, rng: np.random.Generator, size: float = 0.002, *
     span = flight.span
     middle = 0.5 * (span.start_s + span.end_s)
     return (_restamped(flight, ClockError(-size * middle, size), stream),
-            truth("clock_drift", stream, (), (span.start_s, span.end_s), size, "s/s", "stamps later and later"))
+            truth("clock_drift", stream, (), (span.start_s, span.end_s), size, "s/s", "timestamps later and later"))
 
 
 def clock_wander(flight: Flight, rng: np.random.Generator, size: float = 0.03, *,
@@ -47,7 +47,7 @@ def clock_wander(flight: Flight, rng: np.random.Generator, size: float = 0.03, *
     """The vehicle's stamps are late by a sawtooth of standard deviation ``size`` s and mean zero."""
     span = flight.span
     return (_restamped(flight, draw_clock(rng, span.end_s, wander_sd_s=size), stream),
-            truth("clock_wander", stream, (), (span.start_s, span.end_s), size, "s", "stamps late by a sawtooth"))
+            truth("clock_wander", stream, (), (span.start_s, span.end_s), size, "s", "timestamps late by a sawtooth"))
 
 
 def _with_stamps(flight: Flight, time_s: np.ndarray) -> Flight:
@@ -65,7 +65,7 @@ def duplicate_time(flight: Flight, rng: np.random.Generator, size: float = 3, *,
     rows = slice(i, i + int(size))
     span = float(t[i - 1]), float(t[rows][-1])
     t[rows] = t[i - 1]
-    return _with_stamps(flight, t), truth("duplicate_time", "", (), span, int(size), "rows", "stamps repeated")
+    return _with_stamps(flight, t), truth("duplicate_time", "", (), span, int(size), "rows", "timestamps repeated")
 
 
 def coarse_time(flight: Flight, rng: np.random.Generator, size: float = 0.1) -> tuple[Flight, Fault]:
@@ -93,7 +93,7 @@ def backward_time(flight: Flight, rng: np.random.Generator, size: float = 0.2, *
     i = max(int(np.searchsorted(t, choose_time(flight, rng, at_s))), 1)
     t[i:] -= t[i] - (t[i - 1] - size)
     return (_with_stamps(flight, t),
-            truth("backward_time", "", (), (float(t[i]), float(t[i - 1])), size, "s", "stamps step back"))
+            truth("backward_time", "", (), (float(t[i]), float(t[i - 1])), size, "s", "timestamps step back"))
 
 
 DUPLICATE_TIME = Injection(duplicate_time, (1, 3, 20), "rows")

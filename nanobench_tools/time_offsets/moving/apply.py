@@ -59,7 +59,7 @@ def retimed(flight: Flight, clock: str = "retimed", judged: Iterable[str] = ("po
     for a time error once more.
     """
     if flight.provenance.clock_evidence:
-        raise InputError(flight.provenance.path, "its stamps were moved before, by "
+        raise InputError(flight.provenance.path, "its timestamps were moved before, by "
                          f"{', '.join(flight.provenance.clock_evidence)}", "use the recording as it was read")
     time_offset = find_time_offset(flight, clock, judged)
     if time_offset is None:

@@ -60,7 +60,7 @@ def with_mocap(flight: Flight, tracked: Flight) -> Flight:
     good = np.isfinite(imu[GYRO]).all(axis=1) & np.isfinite(imu.time_s)
     t, gyro = imu.time_s[good], imu[GYRO][good]
     if len(t) < 100 or np.any(np.diff(t) <= 0.0):
-        raise InputError(flight.provenance.path, "the gyro has no two seconds of stamps in order")
+        raise InputError(flight.provenance.path, "the gyro has no two seconds of timestamps in order")
     offset_s = coarse_offset(t, gyro, truth.time_s, truth.rate_rad_s, place)
     turn, correlation = _turn(truth, t - offset_s, gyro)
     if correlation < LEAST_CORRELATION:
@@ -68,7 +68,7 @@ def with_mocap(flight: Flight, tracked: Flight) -> Flight:
                          "give recordings of one flight that turns and overlaps by half")
     mocap = tracked["mocap"]
     stamps = mocap.time_s + offset_s
-    note = (f"motion capture of {tracked.provenance.path}, its stamps later by {offset_s:.3f} s "
+    note = (f"motion capture of {tracked.provenance.path}, its timestamps later by {offset_s:.3f} s "
             f"(correlation {correlation:.2f})")
     values = mocap.values
     if turn.magnitude() > SQUARE_RAD:

@@ -57,9 +57,9 @@ def votes(clock: str, evidence: Iterable[str], moving: bool = True) -> str:
     if clock == AS_RECORDED:
         return ""
     if not heard:
-        return "; stamps as recorded, as no stream identified their time error"
+        return "; timestamps as recorded, as no stream identified their time error"
     names = ", ".join(heard)
     if clock == "offset" or not moving:
-        return f"; stamps less the flight's constant offset, found off-line from {names}"
-    note = f"; stamps less the moving error, found off-line from {names} against motion capture"
+        return f"; timestamps less the flight's constant offset, found off-line from {names}"
+    note = f"; timestamps less the moving error, found off-line from {names} against motion capture"
     return note + (": the logged position helped to set this clock" if "position" in heard else "")
