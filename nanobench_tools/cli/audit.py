@@ -10,7 +10,7 @@ import click
 
 from ..steps.options import Options, one_line
 from ..tables.result_table import Table
-from .closing import close, same
+from .closing import again, close, same
 from .shared_options import shared_options
 
 if TYPE_CHECKING:
@@ -39,8 +39,8 @@ def audit(options: Options) -> int:
     audits, copies = options.audit(flights)
     body = audit_body(flights, audits, copies)
     verb = next((v for v in NEXT if any(not entry["can"][v] for entry in body["flights"])), "")
-    command = ("nanobench", verb, *same(options)) if verb else ()
-    close(options, audit_sentence(body), NEXT.get(verb, ""), *command,
+    command = ("nanobench", verb, *same(options)) if verb else again("--verbose")
+    close(options, audit_sentence(body), NEXT.get(verb, "every fault with its evidence"), *command,
           screen=[*audit_screen(options, audits, copies), *assumed(flights)],
           detail=[*audit_detail(options, audits, copies), *assumed(flights)])
     return options.finish("audit", body)

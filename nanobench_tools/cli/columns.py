@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
 MOST_LINES = 4
 """Notes, and columns that are not guessed, on one screen."""
+TO_CHECK = r"\?|check it|if it is"
+"""In notes that ask for a look at the data."""
 
 
 @click.command()
@@ -66,10 +69,11 @@ def columns(options: Options, file: Path) -> int:
 
 
 def _said(draft: ColumnDraft, every: bool = False) -> list[str]:
-    """Every question; notes and columns that were not guessed, the first ones unless ``every``."""
+    """Every question; notes, those to check first, and columns that were not guessed, some of each unless ``every``."""
     why = [f"not guessed: {column}: {why}" for column, why in draft.unknown.items()
            if why not in "".join(draft.questions)]
-    return [*_first(draft.notes, "notes", every), *(one_line(f"question: {q}") for q in draft.questions),
+    notes = sorted(draft.notes, key=lambda note: not re.search(TO_CHECK, note))
+    return [*_first(notes, "notes", every), *(one_line(f"question: {q}") for q in draft.questions),
             *_first(why, "columns that are not guessed", every)]
 
 

@@ -30,6 +30,8 @@ def lines_of(table: Table, width: int, stack: bool = False, most: int | None = N
     """The table within ``width``; at most ``most`` lines, the last saying how many rows are left out. ``stack``:
     columns that do not fit are placed below instead of being left out."""
     table = table.for_readers()
+    table = table.keep([i for i, c in enumerate(table.columns)
+                        if i == 0 or c.kind != "text" or not table.rows or any(row[i] for row in table.rows)])
     blocks, without = _blocks(table, width, stack)
     head, note = folded(table.title, width) if table.title else [], folded(table.note, width) if table.note else []
     if without:

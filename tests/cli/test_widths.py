@@ -114,3 +114,10 @@ def test_one_flight_has_no_spread():
     assert score_text(one, 1.0, 4) == "0.0123"
     assert interval_text(one, 1.0, 4) == "-"
     assert "nan" not in score_text(summary([]), 1.0, 4)
+
+
+def test_a_column_of_text_that_is_empty_everywhere_is_not_shown():
+    rows = [("a", "1.0", ""), ("b", "2.0", "")]
+    assert "what to do" not in "\n".join(lines_of(Table.plain("T", ("recording", "s", "what to do"), rows), 80))
+    rows.append(("c", "3.0", "mend it"))
+    assert "mend it" in "\n".join(lines_of(Table.plain("T", ("recording", "s", "what to do"), rows), 80))

@@ -99,5 +99,5 @@ def _angle(turn: np.ndarray) -> float:
 
 FAULT = FaultKind(KIND, find, __doc__,
                   told="{evidence}",
-                  advice="write these axes as the frame of the stream into the column map: nanobench columns FILE",
+                  advice="write these axes into the column map, as frame = \"AXES\" of the stream",
                   cuts=True, cuts_trim=False, whole=True, across=True)
