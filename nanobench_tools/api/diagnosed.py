@@ -82,7 +82,7 @@ class Diagnosis:
         from ..physics.simulator import write_simulator
 
         if self.corrected is None:
-            raise UsageError("nothing was named, so there is no corrected simulator")
+            raise UsageError("no effect was identified, so there is no corrected simulator")
         write_simulator(self.corrected, Path(path))
 
     def plot(self) -> Any:

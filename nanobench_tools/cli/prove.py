@@ -227,8 +227,8 @@ def show_proof(options: Options, found: Proof, word: str) -> None:
     figures = _table(f"What the verdicts are worth ({word})", ("figure", "", "n"))
     for size, recall in details.recall_by_size.items():
         quiet = f", {recall.below_power} of them rightly below the stated size" if recall.below_power else ""
-        figures.add_row(f"{size} single effects named", share_text(recall) + quiet, str(recall.n))
-    for name, share in (("both of a pair named", summary.pairs.both),
+        figures.add_row(f"{size} single effects identified", share_text(recall) + quiet, str(recall.n))
+    for name, share in (("both of a pair identified", summary.pairs.both),
                         ('"unknown" and no name on foreign effects', details.unknown_on_foreign),
                         ("95 % intervals that hold the true value", details.coverage95),
                         ("right names that are the term itself", summary.classes.exactly),
@@ -268,7 +268,7 @@ def show_real(options: Options, found: RealProof) -> None:
 
 
 def _power_table(power: Mapping[str, TermPower], word: str) -> Table:
-    table = _table(f"Named of single effects by size ({word}); below: not named, rightly below the stated size",
+    table = _table(f"Identified single effects by size ({word}); below: rightly not identified, below the stated size",
                    ("term", "small", "medium", "large", "smallest detectable, as stated"))
     for term, row in power.items():
         cells = ["-" if found is None else f"{found.named} of {found.n}"

@@ -98,7 +98,7 @@ def sentences(found: FolderProof) -> list[str]:
     """What a proof on folders adds up to."""
     summary, lines = found.summary, []
     for kind, row in summary.by_kind.items():
-        among = f", {row.in_class} more among causes named together" if row.in_class else ""
+        among = f", {row.in_class} more among causes identified together" if row.in_class else ""
         lines.append(f"{kind}: right {row.right} of {row.n}{among}, {row.below} below what these flights can show, "
                      f"{row.false_names} false names")
     alarms = summary.false_alarms
