@@ -108,8 +108,8 @@ def turns_nothing(simulator: Simulator, track: Track, place: str) -> bool:
 
 
 def turning_by_motor(simulator: Simulator, track: Track, place: str) -> np.ndarray:
-    """(3, rotors) angular acceleration rad/s^2 that the simulator loses where one motor after the other gives a little
-    less, on average at the start of the track."""
+    """(3, rotors) mean angular acceleration in rad/s^2 that the simulator loses where one motor gives a little less, at
+    the start of the track."""
     at = along(_cut(track, 0, PROBED_ROWS))
     still = run(simulator, at, place)[1]
     less = [1.0 - PROBED_SHARE * (np.arange(at.motor.shape[1]) == k) for k in range(at.motor.shape[1])]

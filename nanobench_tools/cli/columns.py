@@ -33,7 +33,7 @@ def columns(options: Options, file: Path) -> int:
     Meanings come from names; units from names and numbers. Each unit is known, shown by the numbers, or assumed; where
     two are possible the command asks and leaves the columns out. What could not be guessed is a comment in the map.
     Check every line, then read the table with --columns MAP.toml.
-    --out MAP.toml writes it, without overwriting; --verbose prints it; else a table shows what is in it.
+    --out MAP.toml writes it, without overwriting, and --verbose prints it. Otherwise a table shows what is in it.
     """
     from ..signals.column_draft import draft_columns
 

@@ -150,7 +150,11 @@ def _time(draft: Draft, table: Table, place: str) -> np.ndarray:
                          "write its unit in the map, or name another column t")
     if unit not in fits or time.status != "known":
         unit = fits[0]
-    if unit != time.unit or time.status == "assumed":
+    if time.status != "known" and len(fits) > 1:
+        either = " or ".join(fits)
+        draft.notes.append(f"{time.column}: rows are {step:g} apart, in {either}: {unit} is assumed; check it")
+        draft.mapped[TIME] = replace(time, unit=unit, status="assumed", why=f"rows are {step:g} apart")
+    elif unit != time.unit or time.status == "assumed":
         draft.notes.append(f"{time.column}: rows are {step:g} apart, so it is in {unit}")
         draft.mapped[TIME] = replace(time, unit=unit, status="shown", why=f"rows are {step:g} apart")
     return np.asarray((stamps - stamps[np.isfinite(stamps)][0]) * factor(unit))

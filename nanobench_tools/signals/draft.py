@@ -102,7 +102,7 @@ def as_toml(path: Path, draft: Draft) -> str:
 
     lines = [comment(f"Drafted from {path.name}: check every line."), *(comment(note) for note in draft.notes),
              *(comment(f"Question: {q}") for q in draft.questions),
-             f'schema = "{SCHEMA}"', f"time = {entry(replace(draft.mapped[TIME], status='shown'))}"]
+             f'schema = "{SCHEMA}"', f"time = {entry(draft.mapped[TIME])}"]
     for stream in dict.fromkeys(stream for stream, _ in draft.mapped if stream):
         lines += ["", f"[streams.{stream}]"]
         if stream in draft.frames:

@@ -120,7 +120,7 @@ class ColumnMap:
     def assumptions(self) -> tuple[Assumption, ...]:
         """Units that nothing shows."""
         return tuple(Assumption(e.stream, e.column, e.unit, f"{Path(self.path).name} marks it as assumed")
-                     for e in self.entries if e.assumed)
+                     for e in (*self.times, *self.entries) if e.assumed)
 
     def turned(self, name: str, stream: Stream) -> Stream:
         """``stream`` from the axes that the map names for it into ours. InputError names the stream."""

@@ -238,3 +238,15 @@ def test_a_reading_that_means_none_is_missing_and_not_65535(tmp_path):
     assert np.isnan(speed[:5]).all()
     np.testing.assert_allclose(speed[5:] * 60.0 / (2.0 * np.pi), 12000.0 + np.arange(5, 60))
     assert np.isfinite(flight["rpm"]["m2"]).all()
+
+
+def test_a_time_that_fits_two_units_is_assumed_and_every_audit_repeats_it(tmp_path):
+    """Rows 1 apart: one a second, or one a millisecond."""
+    rows = [f"{i},{0.3 * np.sin(0.01 * i)}" for i in range(N)]
+    (tmp_path / "log.csv").write_text("\n".join(["t,gyro_x [rad/s]", *rows]) + "\n")
+    draft = draft_columns(tmp_path / "log.csv")
+    assert draft.status["t"] == "assumed"
+    assert "rows are 1 apart, in s or ms: s is assumed; check it" in " ".join(draft.notes)
+    (tmp_path / "map.toml").write_text(draft.text)
+    (flight,) = load_recordings([tmp_path / "log.csv"], columns=tmp_path / "map.toml", cache=False).flights
+    assert [(a.column, a.unit) for a in flight.provenance.assumptions] == [("t", "s")]
