@@ -37,7 +37,8 @@ SAMPLE_S, STRETCH_S = ROW_S * FORCE_ROWS, ROW_S * TORQUE_ROWS
 LEVELS = ("tilt", "lift", "trim", "yaw_trim")
 """Groups that differ from flight to flight."""
 FORCES = ("place", "air", "thrust", "time", "late")
-"""Groups of a force that no effect explains."""
+MOMENTS = ("turn_place", "turn_air", "turn_thrust", "turn_late", "yaw_place", "yaw_air", "yaw_thrust")
+"""Groups of a force, and of a moment, that no effect explains."""
 FIXED = "fixed"
 """Groups of amplitude 1: their columns have the size of a standard deviation."""
 LIFT_OF_ALL = "lift_of_all"

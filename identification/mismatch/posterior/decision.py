@@ -12,7 +12,7 @@ from nanobench_tools.settings import number
 
 from ..space import reduced
 from ..wrench import CHANNELS
-from .background import FORCES, rms, turning_size
+from .background import FORCES, MOMENTS, rms, turning_size
 from .build import Case, rest_of
 from .sizing import INSIDE, Refined, on_map, parts_of
 from .weighing import Weighing
@@ -95,7 +95,8 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
             break
         rejected |= dict.fromkeys(beyond, BEYOND)
         case.give_up(beyond)
-    kinds = {i: _class_of(weighing, best, i) for i in best}
+    discrepancy = unexplained(case, weighing.sizes(best))
+    kinds = {i: _class_of(weighing, best, i) | _alike(case, weighing.sizes(best), i, discrepancy) for i in best}
     sure = {i: sum(p for s, p in posterior.items()
                    if {evidence.effects[j].term for j in s} & set(kinds[i])) for i in best}
     by_term = _by_term(case, posterior)
@@ -148,6 +149,11 @@ def unexplained(case: Case, found: Refined) -> dict[str, float]:
 def force_of(discrepancy: Mapping[str, float]) -> float:
     """m/s^2 RMS of the force in ``unexplained``."""
     return float(np.sqrt(sum(discrepancy.get(group, 0.0) ** 2 for group in FORCES)))
+
+
+def moment_of(discrepancy: Mapping[str, float]) -> float:
+    """m/s^2 RMS at the arm of the moment in ``unexplained``."""
+    return float(np.sqrt(sum(discrepancy.get(group, 0.0) ** 2 for group in MOMENTS)))
 
 
 def _overshadowed(case: Case, found: Refined) -> dict[int, str]:
@@ -221,6 +227,30 @@ def _class_of(weighing: Weighing, chosen: tuple[int, ...], which: int) -> dict[s
         term = effects[other].term
         found[term] = min(lost, found.get(term, np.inf))
     return found
+
+
+def _alike(case: Case, found: Refined, which: int, discrepancy: Mapping[str, float]) -> dict[str, float]:
+    """{term: 0}: terms that at some size, inside their bounds, do what one of a set does, but for less than physics
+    without a name does on these flights: however probable, its shape is not known better. None for what does less
+    itself."""
+    evidence = case.evidence
+    mine = evidence.columns((which,))
+    does = dict(parts_of(case, found.chosen, found.step))[which] * evidence.unit[mine]
+    parts = evidence.work[:3].sum(0), evidence.work[3:].sum(0)
+    limits = force_of(discrepancy), moment_of(discrepancy)
+    alike = dict[str, float]()
+    if all(float(does @ part[np.ix_(mine, mine)] @ does) <= most**2 for part, most in zip(parts, limits, strict=True)):
+        return alike
+    for other, effect in enumerate(case.effects):
+        theirs = evidence.columns((other,))
+        whole = (parts[0] + parts[1])[np.ix_(theirs, theirs)]
+        size = np.linalg.lstsq(whole, (parts[0] + parts[1])[np.ix_(theirs, mine)] @ does, rcond=None)[0]
+        both = np.concatenate([does, -np.clip(size, evidence.lower[theirs], evidence.upper[theirs])])
+        index = np.ix_(np.concatenate([mine, theirs]), np.concatenate([mine, theirs]))
+        differs = [float(np.sqrt(max(both @ part[index] @ both, 0.0))) for part in parts]
+        if effect.term != case.effects[which].term and all(d <= most for d, most in zip(differs, limits, strict=True)):
+            alike[effect.term] = 0.0
+    return alike
 
 
 def _inside_bounds(weighing: Weighing, best: tuple[int, ...]) -> tuple[int, ...]:

@@ -134,6 +134,11 @@ class Rows:
     sd: np.ndarray
     excess: np.ndarray
 
+    @property
+    def by_set_points(self) -> bool:
+        """Whether moments are asked through set-points of all flights."""
+        return any(len(t.flights) > 1 for t in self.turnings)
+
     def of(self, force: np.ndarray, torque: np.ndarray) -> Seen:
         """(N, 3, C) m/s^2 and (M, 3, C) rad/s^2."""
         return Seen(np.concatenate([axis.of(force[:, k]) for k, axis in enumerate(self.forces)]),

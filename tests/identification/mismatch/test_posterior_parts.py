@@ -67,6 +67,22 @@ def test_a_force_is_identified_only_where_it_outweighs_what_no_effect_explains(l
     assert list(decision._overshadowed(case, found)) == rejected
 
 
+@pytest.mark.parametrize(("left_m_s2", "alike"), [(0.1, {}), (0.3, {"frame_tilt": 0.0}), (1.1, {})])
+def test_what_differs_by_less_than_physics_without_a_name_cannot_be_distinguished(left_m_s2, alike):
+    """Along x a push of 1 m/s^2, one that comes and goes by 0.2 about 1, and one that changes its sign; where what no
+    effect explains is larger than the push itself, nothing is compared with it."""
+    force = np.zeros((4, 3, 3))
+    force[:, 0] = np.array([[1.0, 1.0, 1.0, 1.0], [1.2, 0.8, 1.2, 0.8], [1.0, -1.0, 1.0, -1.0]]).T
+    terms = "force_world", "frame_tilt", "drag_linear"
+    effects = [Effect(t, force[..., [k]], np.zeros((4, 3, 1)), {}, np.array([-9.0]), np.array([9.0]))
+               for k, t in enumerate(terms)]
+    work = np.concatenate([np.einsum("nki,nkj->kij", force, force) / 4.0, np.zeros((3, 3, 3))])
+    evidence = SimpleNamespace(columns=lambda chosen: np.array(chosen), unit=np.ones(3), work=work,
+                               lower=np.full(3, -9.0), upper=np.full(3, 9.0))
+    case = SimpleNamespace(effects=effects, evidence=evidence)
+    assert decision._alike(case, SimpleNamespace(chosen=(0,), step=np.ones(1)), 0, {"air": left_m_s2}) == alike
+
+
 def small_case(seed: int = 0):
     """Two effects and one background column on 30 rows of unit noise; truth: the first effect, 0.8."""
     rng = np.random.default_rng(seed)
