@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
@@ -89,14 +90,15 @@ def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, .
     body = replace(body, rankings=ranked_by_clock(options, flights, audits, body, scored, aidings, further) or None)
     if explained:
         body = replace(body, attribution=attribution(options, flights, audits))
-    close_estimates(options, body)
+    close_estimates(options, body, {method.name for method in further})
     return options.finish("estimate", body)
 
 
-def close_estimates(options: Options, body: EstimateBody) -> None:
-    """The screen of the result, and what ``--verbose`` adds."""
+def close_estimates(options: Options, body: EstimateBody, first: Collection[str] = ()) -> None:
+    """The screen of the result, and what ``--verbose`` adds; on the screen the methods ``first`` are the first rows."""
     content = to_json(body)
+    screen = {**content, "rows": sorted(content["rows"], key=lambda row: row["method"] not in first)}
     parts = task3_attribution(content["attribution"]) if body.attribution is not None else []
     close_scores(options, estimated(body.rows, body.rankings or ()), "estimator",
-                 [*parts, *task3_screen(content, options.synthetic)],
+                 [*parts, *task3_screen(screen, options.synthetic)],
                  [*parts, *task3(content, options.synthetic), task3_windows(content)])
