@@ -1,8 +1,9 @@
 """One unit for forces and moments: m/s^2 of acceleration, moments by the arm of the thrust that would make them.
 
 A moment of J rad/s^2 is the thrust of m rad/s^2 J / (m l) at the mean arm l. So a vehicle of 30 g and one of 5 kg are
-judged by the same numbers. About z thrust has no arm: rotors turn the vehicle by their own drag, which is an eighth of
-thrust times the distance of the motors (k_m 6 mm at 46 mm on a Crazyflie; a 5 inch racer has 13 mm at 110 mm).
+judged by the same numbers. About z thrust has no arm: rotors turn the vehicle by their own drag. This moment is an
+eighth of thrust times the distance of the motors. On a Crazyflie k_m is 6 mm at 46 mm; a 5 inch racer has 13 mm at 110
+mm.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What stands beside every effect: offsets of flights, physics that has no name, and what logging does.
+"""Background that is added to every set of effects: offsets of flights, unmodelled physics, and effects of logging.
 
 Columns in groups; every group has one amplitude, in m/s^2 RMS. Features of the discrepancy are random cosines of a
 Gaussian process (Rahimi and Recht 2007), centred: an explicit constant would cancel against the thrust's.
@@ -42,8 +42,8 @@ MOMENTS = ("turn_place", "turn_air", "turn_thrust", "turn_late", "yaw_place", "y
 FIXED = "fixed"
 """Groups of amplitude 1: their columns have the size of a standard deviation."""
 LIFT_OF_ALL = "lift_of_all"
-"""Thrust of all flights, which is a little wrong in the place of the terms that would say so, whose gains of torque
-would be dragged along. Beside such a term it is not: the two would cancel, and leave a drag."""
+"""Small error of the thrust of all flights. It replaces the error of the thrust terms, which would also change gains of
+torque. A set with such a term omits it: the two would cancel and leave a drag."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def _on_axes(features: np.ndarray, axes: Sequence[int] = (0, 1, 2)) -> np.ndarra
 
 
 def background_of(wrench: Wrench, space: Space, effects: Sequence[Effect], arm: np.ndarray, seed: int) -> Background:
-    """All columns that stand beside the effects. ``arm``: ``arm_unit.arms``."""
+    """All columns of the background. ``arm``: ``arm_unit.arms``."""
     rng = np.random.default_rng([seed, 11])
     at, turns = wrench.force_at, wrench.torque_at
     quaternion = wrench.quaternion[at]
@@ -144,8 +144,11 @@ def background_of(wrench: Wrench, space: Space, effects: Sequence[Effect], arm: 
 
 def _levels(found: _Columns, wrench: Wrench, effects: Sequence[Effect], made: np.ndarray, quaternion: np.ndarray,
             arm: np.ndarray) -> None:
-    """Of every flight beside the mean of all: tilt of the markers, thrust as a whole, trim of the motors; per m/s^2.
-    What all flights share is no part of it: large equal levels would cancel against large effects."""
+    """Each flight's deviation from the mean of all, per m/s^2: tilt of the markers, thrust as a whole, trim of the
+    motors.
+
+    The part that all flights share is excluded: large equal offsets would cancel against large effects.
+    """
     flights = np.unique(wrench.flight)
     many = len(flights)
     up = so3.rotate_inverse(quaternion, np.array([0.0, 0.0, 1.0]))
@@ -229,9 +232,11 @@ def _along_z(columns: np.ndarray) -> np.ndarray:
 
 def _logging(found: _Columns, wrench: Wrench, space: Space, effects: Sequence[Effect], made: np.ndarray,
              up: np.ndarray) -> None:
-    """What logging feigns, each with the size of a standard deviation: attitude of another moment than the path, the
-    moment a command stands for, rotors whose speed lags in place of their thrust, drag at the rotors, thrust that
-    shakes between rows, and another slope of thrust."""
+    """Add columns of logging artefacts, each with the size of one standard deviation.
+
+    Attitude and path, or command and row, belong to different moments. The speed of the rotors lags instead of their
+    thrust. Drag acts at the rotors. Thrust shakes between rows, or has another slope.
+    """
     model = space.model
     for force, torque in (wrench.speed_lag(model), wrench.drag_at_rotors(model)):
         found.add(FIXED, force[..., None], torque[..., None])

@@ -21,7 +21,7 @@ from .set_evidence import MEANS, Evidence
 
 @dataclass(frozen=True)
 class Case:
-    """What a set of effects is asked about: the wrench, the space around the simulator, and its columns."""
+    """Data on which sets of effects are judged: the wrench, the space around the simulator, and its columns."""
 
     wrench: Wrench
     space: Space
@@ -37,12 +37,13 @@ class Case:
     _factors: dict[tuple[int, ...], np.ndarray] = field(default_factory=dict, repr=False)
 
     def across(self, asked: Seen) -> Products:
-        """Inner products of all that stands beside a set, and of k columns ``asked``, with these."""
+        """Inner products of the k columns ``asked`` with the nuisance columns (term errors, background) and with
+        themselves."""
         return self.rows.products(self.beside_all + asked, asked)
 
     def beside(self, across: Products, chosen: tuple[int, ...], without: Sequence[int] = ()) -> np.ndarray:
-        """(k, k) inner products of the columns of ``across`` with all that stands beside a set integrated out;
-        ``without`` some flights."""
+        """(k, k) inner products of the columns of ``across``, with the nuisance columns integrated out; ``without``
+        some flights."""
         lifted = self.evidence.takes_lift(chosen)
         keep, key = ~np.isin(self.flights, list(without)), (lifted, *sorted(without))
         if key not in self._factors:
@@ -57,7 +58,7 @@ class Case:
 
 
 def build(wrench: Wrench, space: Space, simulator: Model, seed: int = 0) -> Case:
-    """Everything that does not depend on which set is asked about."""
+    """Compute everything that does not depend on the set of effects."""
     space = within_reach(wrench, space)
     arm = arms(simulator)
     effects = effects_of(wrench, space, simulator)
@@ -96,8 +97,11 @@ def _varying(wrench: Wrench, torque: np.ndarray) -> np.ndarray:
 
 def _believed(wrench: Wrench, space: Space, effects: Sequence[Effect], unit: np.ndarray,
               arm: np.ndarray) -> np.ndarray:
-    """(P,) m/s^2 that the simulator's own terms do along each direction, against where they do nothing; 0 of terms it
-    does not have, and of thrust maps, which do everything. Of an inertia: what turns the vehicle."""
+    """(P,) m/s^2 of the simulator's own terms along each direction, relative to the value where they have no effect.
+
+    0 for terms that the simulator does not have, and for thrust maps, which cause everything. For an inertia: the
+    moment that turns the vehicle.
+    """
     model = space.model
     slots = {slot.name: slot for slot in model.slots}
     here, found, done = wrench.model(model), list[float](), dict[tuple[float, ...], float]()

@@ -21,7 +21,7 @@ NAMED = number("posterior.decision.named")
 """A false name costs this over one less this times what a missed one costs."""
 LEANING = number("posterior.decision.leaning")
 ALTERNATIVE = number("posterior.decision.alternative")
-"""Log evidence that an exchange may cost for these flights not to tell two effects."""
+"""Loss of log evidence by an exchange, below which two effects are indistinguishable in these flights."""
 MATTERS_M_S2 = number("posterior.decision.matters_m_s2")
 """Physics without a name below this is as good as flights allow."""
 OUTWEIGHS = number("posterior.decision.outweighs")
@@ -29,8 +29,8 @@ OUTWEIGHS = number("posterior.decision.outweighs")
 NINETY_FIVE = 1.96
 TWINS: dict[str, tuple[str, ...]] = {"com_offset": ("motor_imbalance",), "mass": ("thrust_scale",),
                                      "thrust_scale": ("mass",)}
-"""Terms that differ by gains of torque only, which no flight tells well enough: along roll and pitch unequal motors do
-what a centre of mass does, and free flight shows thrust per mass."""
+"""Terms that differ in gains of torque only, which no flight shows well enough. In roll and pitch, unequal motors act
+like an offset of the centre of mass, and free flight shows only thrust per mass."""
 BEYOND = "its best size lies on a bound of what such a vehicle can have"
 SHOWS = 0.3
 """An effect shows along an axis from this share of its strongest one on."""
@@ -53,8 +53,12 @@ class Size:
 
 @dataclass(frozen=True)
 class Finding:
-    """One effect: its term, terms that these flights cannot tell from it with the probability of each, probability of
-    the class, sizes by parameter, and what it does: m/s^2 RMS of force and rad/s^2 RMS of turning."""
+    """One identified effect.
+
+    ``equivalent``: terms that are indistinguishable from it in these flights, with the probability of each.
+    ``probability``: of the class. ``sizes``: by parameter. ``force_m_s2``, ``torque_rad_s2``: its contribution, m/s^2
+    RMS of force and rad/s^2 RMS of turning.
+    """
 
     term: str
     equivalent: Mapping[str, float]
@@ -67,8 +71,11 @@ class Finding:
 
 @dataclass(frozen=True)
 class Decision:
-    """findings; leaning {term: probability}; rejected {term: why}; found: sizes of what is named; corrected: the
-    simulator with them; alone {term: log odds of it alone over no effect}."""
+    """Decision on all effects.
+
+    leaning {term: probability}; rejected {term: reason}; found: sizes of the identified effects; corrected: the
+    simulator with these sizes; alone {term: log odds over no effect}.
+    """
 
     findings: tuple[Finding, ...]
     leaning: Mapping[str, float]
@@ -80,10 +87,12 @@ class Decision:
 
 def decide(case: Case, judge: Callable[[Refined, Refined], float],
            again: Callable[[Model], Collection[str]] | None = None) -> Decision:
-    """Names the classes of effects whose probability reaches NAMED; ``judge`` gives what predictions of left-out
-    flights say: log likelihood of the first sizes over the second. ``again`` gives the terms that are identified in a
-    corrected simulator. With it, only the largest of several effects is identified at once; the others must be
-    identified again where the largest is corrected, since slopes far from the truth suggest effects that are not there.
+    """Identify the classes of effects whose probability reaches NAMED.
+
+    ``judge`` compares predictions of left-out flights: log likelihood of the first sizes over the second. ``again``
+    returns the terms that are identified in a corrected simulator. With ``again``, only the largest of several effects
+    is identified at once. The others must be identified again after the largest is corrected, since slopes far from the
+    truth suggest effects that do not exist.
     """
     evidence, rejected = case.evidence, dict[str, str]()
     while True:
@@ -119,8 +128,8 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
 
 
 def _standing(weighing: Weighing, chosen: tuple[int, ...], rejected: dict[str, str]) -> Refined:
-    """Sizes of those of a set that change the simulator, lie inside their bounds and outweigh what no effect explains;
-    the others are added to ``rejected`` {term: why}."""
+    """Sizes of the accepted effects of a set. An accepted effect changes the simulator, lies inside its bounds and is
+    large compared with the unexplained force. The others are added to ``rejected`` {term: reason}."""
     case, found = weighing.case, weighing.sizes(chosen)
     while found.chosen:
         sizes = {i: _sizes(case, i, found) for i in found.chosen}
@@ -136,7 +145,7 @@ def _standing(weighing: Weighing, chosen: tuple[int, ...], rejected: dict[str, s
 
 
 def unexplained(case: Case, found: Refined) -> dict[str, float]:
-    """m/s^2 RMS by group of the discrepancy: what no effect explains beside a set at its sizes."""
+    """m/s^2 RMS by group of the discrepancy: the part that no effect explains, given a set at its sizes."""
     evidence = case.evidence
     if found.across is None:
         return evidence.sizes_of(evidence.everything(())[evidence.P:])
@@ -157,9 +166,11 @@ def moment_of(discrepancy: Mapping[str, float]) -> float:
 
 
 def _overshadowed(case: Case, found: Refined) -> dict[int, str]:
-    """{number: why} of the effect that stands out least from a force that matters and that no effect explains, where it
-    is not OUTWEIGHS times as large: such a force could feign it. Of effects that act as a force more than as a
-    moment."""
+    """{number: reason} of the smallest effect, if it is masked: less than OUTWEIGHS times the unexplained force.
+
+    Such a force could imitate the effect. Empty if the unexplained force is too small to matter. Only effects that act
+    more as a force than as a moment are compared.
+    """
     left = force_of(unexplained(case, found))
     if left < MATTERS_M_S2:
         return {}
@@ -208,7 +219,8 @@ def _by_term(case: Case, posterior: Mapping[tuple[int, ...], float]) -> dict[str
 
 
 def _exchanges(weighing: Weighing, chosen: tuple[int, ...], which: int) -> Iterator[tuple[int, tuple[int, ...], float]]:
-    """(other effect, set with it in the place of ``which``, log odds lost): all that flights cannot tell apart."""
+    """(other effect, set with it in place of ``which``, log odds lost) for all effects that flights cannot
+    distinguish."""
     evidence = weighing.case.evidence
     for other, effect in enumerate(evidence.effects):
         exchanged = tuple(sorted({*chosen, other} - {which}))
@@ -220,7 +232,7 @@ def _exchanges(weighing: Weighing, chosen: tuple[int, ...], which: int) -> Itera
 
 
 def _class_of(weighing: Weighing, chosen: tuple[int, ...], which: int) -> dict[str, float]:
-    """{term: log odds lost by the exchange}: terms that could stand in the place of one of a set."""
+    """{term: log odds lost by the exchange}: terms that could replace one of a set."""
     effects = weighing.case.effects
     found = {effects[which].term: 0.0} | dict.fromkeys(TWINS.get(effects[which].term, ()), 0.0)
     for other, _, lost in _exchanges(weighing, chosen, which):
@@ -230,9 +242,11 @@ def _class_of(weighing: Weighing, chosen: tuple[int, ...], which: int) -> dict[s
 
 
 def _alike(case: Case, found: Refined, which: int, discrepancy: Mapping[str, float]) -> dict[str, float]:
-    """{term: 0}: terms that at some size, inside their bounds, do what one of a set does, but for less than physics
-    without a name does on these flights: however probable, its shape is not known better. None for what does less
-    itself."""
+    """{term: 0}: terms that could replace one effect of a set, up to a difference below the unexplained physics.
+
+    The size of such a term lies inside its bounds. However probable the effect is, its shape is not known better than
+    that difference. Empty if the effect itself is below the unexplained physics.
+    """
     evidence = case.evidence
     mine = evidence.columns((which,))
     does = dict(parts_of(case, found.chosen, found.step))[which] * evidence.unit[mine]

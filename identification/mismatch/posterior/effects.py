@@ -1,4 +1,4 @@
-"""What each term of the vocabulary would do to the residual: columns of force and torque, per unit of what is asked."""
+"""Effect of each term of the vocabulary on the residual: columns of force and torque, per unit of a direction."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FARTHEST = 3.0
 STEP = 1e-3
 """Of a parameter's usual size: the slope of what acts nearly linearly."""
 DISTINCT = 3e-3
-"""A direction of a list of parameters that is this near to the others is none of its own."""
+"""Relative singular value of a list of parameters, below which a direction does not differ from the others."""
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,10 @@ def _moved(model: Model, index: int, by: float) -> np.ndarray:
 
 
 def within_reach(wrench: Wrench, space: Space) -> Space:
-    """The space with limits that no flight reaches put to where the highest input reaches, which changes nothing: from
-    far above, no slope leads to a limit that acts."""
+    """The space with limits that no flight reaches lowered to the highest input.
+
+    This changes no prediction, but far above the inputs a limit has no slope that leads to one that acts.
+    """
     model = space.model
     changes = {name: reached for name in model.names if name.startswith("saturation.")
                if (reached := float(_reached(wrench, model, model.index(name)).max())) < model.parameters[name]}
@@ -103,9 +105,11 @@ def effects_of(wrench: Wrench, space: Space, simulator: Model) -> list[Effect]:
 
 
 def _bounds(model: Model) -> tuple[np.ndarray, np.ndarray]:
-    """(P,) what a vehicle of this mass and these arms can have: a term's own bounds of a fit where it states any, such
-    as all mass at the motors, else the physical ones; the simulator's value is always inside. Of weight and thrust what
-    is no other vehicle."""
+    """(P,) lower and upper bounds for a vehicle of this mass and these arms.
+
+    A term's bounds of a fit are used if it states any, such as all mass at the motors, otherwise the physical ones.
+    Those of weight and thrust exclude another vehicle. The simulator's value is always inside.
+    """
     lower, upper = model.lower.copy(), model.upper.copy()
     for i, slot in enumerate(model.slots):
         if callable(slot.parameter.fitted):
@@ -124,8 +128,11 @@ def _step(model: Model, index: int, by: float) -> float:
 
 
 def _untold(name: str) -> bool:
-    """What no flight tells: a steady vertical push is a mass or a thrust; of the inertia about z only the ratio to the
-    moment of the rotors acts."""
+    """Whether no flight can show this parameter.
+
+    A steady vertical push is a mass or a thrust. Of the inertia about z, only its ratio to the moment of the rotors
+    acts.
+    """
     return name in ("force_world.f_N[2]", "wind.w_m_s[2]", "inertia.inertia_kg_m2[2]")
 
 
@@ -139,9 +146,11 @@ def _stacked(pairs: Sequence[Pair]) -> Pair:
 
 def _far(wrench: Wrench, model: Model, term: str, free: np.ndarray, here: Pair,
          believed: bool) -> list[Effect]:
-    """One reading for every size at which the term is tried: the secant from the simulator's value there; where the
-    simulator has the term already, to none of it and to so much more. A list of time constants moves together, and so
-    does a factor with what it multiplies."""
+    """One reading for every size at which the term is tried: the secant from the simulator's value to that size.
+
+    If the simulator has the term already, the secants lead to zero and to its value plus each size. A list of time
+    constants moves together, and so does a factor with the quantity that it multiplies.
+    """
     found = []
     asked = [int(i) for i in free if _place(model.names[i]) in STARTS or model.names[i].startswith("saturation.")]
     if term == "saturation":
@@ -184,8 +193,10 @@ def _reached(wrench: Wrench, model: Model, index: int) -> np.ndarray:
 
 
 def _of_list(term: str, pairs: Sequence[Pair], names: Sequence[str], model: Model, free: np.ndarray) -> Effect:
-    """A list whose mean is given by definition, such as the gains of motors: the direction along which only yaw is
-    upset. Along the others unequal motors turn a vehicle as its centre of mass does, and com_offset is asked."""
+    """Direction that disturbs only yaw, of a list whose mean is fixed by definition, such as the gains of motors.
+
+    Along the other directions unequal motors turn a vehicle as its centre of mass does, and com_offset covers them.
+    """
     spin = np.array(model.vehicle.spin)
     way = spin - spin.mean()
     way = (way / max(float(np.abs(way).max()), 1e-9))[:, None]
@@ -196,8 +207,7 @@ def _of_list(term: str, pairs: Sequence[Pair], names: Sequence[str], model: Mode
 
 
 def _of_map(term: str, pairs: Sequence[Pair], names: Sequence[str], whole: Pair) -> list[Effect]:
-    """The shape of a thrust map: what of its coefficients is no thrust as a whole ``whole``, in directions of their
-    own."""
+    """The shape of a thrust map: independent directions of its coefficients, without thrust as a whole (``whole``)."""
     force, torque = _stacked(pairs)
     flat, level = force.reshape(-1, force.shape[2]), whole[0].ravel()
     share = (level @ flat) / (level @ level)

@@ -33,8 +33,7 @@ def left_by_posterior(case: Case, decision: Decision, improvement: Improvement) 
 
 
 def noise(case: Case, chosen: tuple[int, ...], force: np.ndarray, torque: np.ndarray) -> np.ndarray:
-    """(6,) RMS, m/s^2 and rad/s^2, of a residual without all that stands beside a set: terms that are a little wrong,
-    and the discrepancy."""
+    """(6,) RMS, m/s^2 and rad/s^2, of a residual without the errors of the terms and the discrepancy."""
     evidence = case.evidence
     beside = evidence.everything(chosen)
     for i, effect in enumerate(case.effects):

@@ -60,10 +60,12 @@ class Predictions:
         return self.likelihood(one, other) if len(self.case.flights) > 1 else 0.0
 
     def likelihood(self, one: Refined, other: Refined) -> float:
-        """Log likelihood of one fit over another: errors of each flight as normal ones of unknown size, those of the
-        path and those of turning each for themselves (the log of the ratio of errors is all that counts). Where moments
-        are asked through set-points, turning has no say: commands shake between rows, and from such commands a sluggish
-        vehicle predicts it better than a right one."""
+        """Log likelihood of one fit over another.
+
+        Errors of each flight are normal with unknown size, separately for the path and for turning. So only the log of
+        the ratio of errors counts. If set-points are the instruments of the moments, turning does not count. Commands
+        shake between rows, and from such commands a sluggish vehicle predicts turning better than a right one.
+        """
         ratio = np.log(np.maximum(self.of(other), 1e-9) / np.maximum(self.of(one), 1e-9))[:, JUDGED]
         kinds = KINDS[:1] if self.case.rows.by_set_points else KINDS
         told = [ratio[:, :, kind].mean(axis=(1, 2)) for kind in kinds]
@@ -100,9 +102,11 @@ class Predictions:
 
 
 def _own_offsets(case: Case, chosen: tuple[int, ...], step: np.ndarray, model: Model) -> list[Model]:
-    """The model once for every flight, with tilt, thrust and trim as that flight has them beside the mean of all, and
-    with the gain of its logged commands: a noisy command turns a vehicle less than a true one, and what only makes up
-    for that predicts no better."""
+    """The model once for every flight, with that flight's offsets of tilt, thrust and trim.
+
+    It also has the gain of the flight's logged commands, since a noisy command turns a vehicle less than a true one. An
+    effect that only compensates for this gain does not improve the prediction.
+    """
     wrench = case.wrench
     force, torque = wrench.residual(model)
     for i, part in parts_of(case, chosen, step):

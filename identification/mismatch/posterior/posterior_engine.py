@@ -1,4 +1,4 @@
-"""The whole chain of a diagnosis by posterior: columns, evidence, decision, prediction - and what is said of it."""
+"""The whole chain of a diagnosis by posterior: columns, evidence, decision, prediction and report."""
 
 from __future__ import annotations
 
@@ -127,8 +127,10 @@ def _entry(finding: Finding, recordings: Recordings) -> dict[str, Any]:
 
 
 def power(case: Case) -> dict[str, dict[str, Any]]:
-    """Of each term the smallest change of its best told parameter that would be identified in nine of ten such
-    recordings: what its own evidence takes, and 1.28 standard deviations."""
+    """Smallest change of each term's best determined parameter that nine of ten such recordings would identify.
+
+    The sum of the change that the term's evidence requires and 1.28 standard deviations.
+    """
     evidence = case.evidence
     sd = 1.0 / np.sqrt(np.maximum(np.diag(evidence.rest)[:-1], 1e-12))
     needed = np.sqrt(2.0 * (np.log(9.0) - np.log(0.05))) + 1.28

@@ -1,11 +1,11 @@
-"""What the data say of columns: forces whitened row by row, moments through instruments.
+"""Projection of columns onto the data: forces whitened row by row, moments through instruments.
 
-Rows of 10 ms sample a loop of 500 Hz, so a logged command is the true one plus what shook between the rows, and least
-squares shrinks every gain from command to moment. Worse, the controller answers disturbances: commands, rates, speed
-and place all go with them. Set-points do not. So moments are compared where they go with instruments that nothing in
-the loop moves (generalised method of moments: Hansen 1982; Ljung 1999, System Identification, ch. 13): the angular
-acceleration that the set-points ask for, and one constant a flight. All flights are asked together: a set of
-instruments for each would follow what shakes (weak instruments: Wooldridge 2010, Econometric Analysis, ch. 5). Without
+Rows of 10 ms sample a loop of 500 Hz. A logged command is therefore the true one plus its shaking between the rows, and
+least squares shrinks every gain from command to moment. Worse, the controller answers disturbances: commands, rates,
+speed and place are all correlated with them. Set-points are not. So moments are compared through instruments that
+nothing in the loop moves (generalised method of moments: Hansen 1982; Ljung 1999, System Identification, ch. 13): the
+angular acceleration that the set-points require, and one constant a flight. All flights share one set of instruments: a
+set for each would follow the shaking (weak instruments: Wooldridge 2010, Econometric Analysis, ch. 5). Without
 set-points the instruments are measured states and the model's moment some rows before, flight by flight. The covariance
 is that of a coloured residual (Newey and West 1987).
 """
@@ -35,7 +35,7 @@ ASKED: tuple[int, ...] = (0, 2, 4, 8, 12, 16)
 MOVES = 0.01
 """Of the measured angular acceleration: set-points that ask for less are at rest, but for the rounding of their log."""
 INTEGRALS, KEEPS = 3, float(np.exp(-TORQUE_ROWS * ROW_S / 0.5))
-"""Leaky integrals of what is asked for, over half a second each."""
+"""Leaky integrals of the angular acceleration that the set-points require, over half a second each."""
 KEPT = 1e-6
 """Of the largest direction of the instruments: smaller ones say nothing."""
 FREE, MEDIAN_OF_CHI2 = 0.1, 0.455
@@ -60,8 +60,8 @@ class ForceAxis:
 
 @dataclass(frozen=True)
 class Turning:
-    """Instruments ``z`` (n, K) of one axis at rows ``at`` (n,) of G ``flights``, which are asked together; ``flight``
-    (n,): 0 .. G - 1. ``spread`` (G, K, K): covariance of the noise that the instruments let through in each."""
+    """Instruments ``z`` (n, K) of one axis at rows ``at`` (n,) of G ``flights``, which share them; ``flight`` (n,): 0
+    .. G - 1. ``spread`` (G, K, K): covariance of the noise that the instruments let through in each."""
 
     axis: int
     flights: np.ndarray
@@ -124,8 +124,8 @@ class Products:
 
 @dataclass(frozen=True)
 class Rows:
-    """What is asked of columns. ``flight`` (R,) of each row of force, 0 .. F - 1; ``sd`` (3,) of a whitened force
-    m/s^2; ``excess`` (3,): how many times the variance of moments is larger than noise makes it."""
+    """Map from columns to what the data see of them. ``flight`` (R,) of each row of force, 0 .. F - 1; ``sd`` (3,) of a
+    whitened force m/s^2; ``excess`` (3,): ratio of the variance of moments to that of noise alone."""
 
     forces: tuple[ForceAxis, ...]
     turnings: tuple[Turning, ...]
@@ -136,7 +136,7 @@ class Rows:
 
     @property
     def by_set_points(self) -> bool:
-        """Whether moments are asked through set-points of all flights."""
+        """Whether set-points of all flights are the instruments of the moments."""
         return any(len(t.flights) > 1 for t in self.turnings)
 
     def of(self, force: np.ndarray, torque: np.ndarray) -> Seen:
@@ -171,8 +171,12 @@ def _ridge(x: np.ndarray) -> np.ndarray:
 
 
 def _memory(residual: np.ndarray, columns: np.ndarray, prior: np.ndarray, runs: np.ndarray) -> Memory:
-    """Autoregression of a residual (n,) beside columns (n, C), each with its prior: hundreds of free ones would leave
-    no memory, and what the noise does slowly would be taken for physics (Ljung 1999, System Identification, ch. 10)."""
+    """Autoregression of a residual (n,), fitted together with columns (n, C) (Ljung 1999, System Identification, ch.
+    10).
+
+    Each column has its prior: hundreds of free columns would leave no memory, and slow noise would be mistaken for
+    physics.
+    """
     lags = np.stack([np.concatenate([np.zeros(lag), residual[:-lag]]) for lag in range(1, ORDER + 1)], axis=1)
     use = runs >= ORDER
     x, y = np.concatenate([lags, columns * prior], axis=1)[use], residual[use]
@@ -211,8 +215,10 @@ def _forces(wrench: Wrench, residual: np.ndarray, columns: np.ndarray,
 
 
 def instruments(wrench: Wrench, axis: int, made: np.ndarray, runs: np.ndarray) -> tuple[np.ndarray, bool]:
-    """(M, K) of the moment about one axis, rows without enough before them nan, without the constants; and whether they
-    are set-points, which all flights may share."""
+    """(M, K) instruments of the moment about one axis without the constants, and whether they are set-points.
+
+    All flights may share set-points. A row without enough rows before it is nan.
+    """
     at = wrench.torque_at
 
     def before(values: np.ndarray, lag: int) -> np.ndarray:
@@ -272,8 +278,8 @@ def _turnings(wrench: Wrench, residual: np.ndarray, columns: np.ndarray,
 
 @dataclass(frozen=True)
 class _Group:
-    """Flights that are asked together: their numbers, which of the rows are theirs, and instruments with a constant for
-    each of them."""
+    """Flights that share instruments: their numbers, their rows, and the instruments with a constant for each
+    flight."""
 
     flights: np.ndarray
     mine: np.ndarray
@@ -302,8 +308,11 @@ def _most_probable(x: np.ndarray, prior: np.ndarray) -> np.ndarray:
 
 
 def _left_over(x: np.ndarray, prior: np.ndarray) -> float:
-    """Variance of what all columns together leave of the last one, each row by its own leverage, against a median of
-    chi squared: 1 where instruments and noise agree."""
+    """Variance of the last column that the others leave, each row by its own leverage, relative to the median of chi
+    squared.
+
+    1 if instruments and noise agree.
+    """
     a = x[:, :-1] * prior
     free = np.linalg.inv(a @ a.T + np.eye(len(a)))
     return float(np.median((free @ x[:, -1]) ** 2 / np.maximum(np.diag(free), FREE**2)) / MEDIAN_OF_CHI2)

@@ -1,10 +1,10 @@
-"""Evidence of every small set of effects: one Gram matrix, everything but the effects integrated out once.
+"""Evidence of every small set of effects, from one Gram matrix with everything but the effects integrated out once.
 
     residual = sum over a set S of Phi_t b_t + sum over all t of Phi_t e_t + background + noise
 
-b_t ~ N(0, s^2) with s from a half-Cauchy, at most MOST of them; e_t ~ N(0, spike_t^2) always: every term is a little
-wrong, more so where physics without a name is strong. Amplitudes of the background are learnt once with every term
-free, and kept over all sets: an amplitude that may grow to suit a set swallows the effect. All in m/s^2
+b_t ~ N(0, s^2) with s from a half-Cauchy, at most MOST of them. Always e_t ~ N(0, spike_t^2): every term is a little
+wrong, more so where unmodelled physics is strong. The amplitudes of the background are learnt once with every term
+free, and are the same for all sets. An amplitude that could grow to suit a set would absorb the effect. All in m/s^2
 (``arm_unit.py``).
 """
 
@@ -58,9 +58,9 @@ TWINS = ("mass", "thrust_scale")
 """Terms of thrust per mass, which is a little wrong in the place of both."""
 SHARED = {"frame_tilt": "tilt", "wind": "tilt", "force_world": "tilt", "thrust_scale": "lift", "mass": "lift",
           "thrust_voltage": "lift", "thrust_pwm": "lift", "com_offset": "trim", "motor_imbalance": "trim"}
-"""Term -> level of flights out of whose scatter a change that all share has to stand."""
+"""Term -> per-flight offset. A change that all flights share has to exceed the scatter of this offset."""
 OFFSETS = tuple(term for term, level in SHARED.items() if level in ("tilt", "trim"))
-"""Terms that are known to so much, whatever their size; the others to a share of what they do."""
+"""Terms with an uncertainty that does not depend on their size; that of the others is a share of their contribution."""
 GAINS = ("inertia", "yaw_torque")
 """Terms of the gain from command to moment, which commands that shake between rows change."""
 UNNAMED_GROUPS = ("place", "air", "thrust", "late", "turn_place", "turn_air", "turn_thrust", "yaw_place", "yaw_air",
@@ -70,10 +70,13 @@ UNNAMED_GROUPS = ("place", "air", "thrust", "late", "turn_place", "turn_air", "t
 
 @dataclass
 class Evidence:
-    """``gram`` (C, C) of whitened columns: P of the effects, Q of the background, the residual last; ``grams`` of each
-    flight. ``owner`` (P,) number of the effect of each column, ``unit`` (P,) m/s^2 of it per unit of its direction,
-    ``believed`` (P,) m/s^2 that the simulator's own term does; ``varying`` (6, P) share of ``work``'s diagonal that no
-    constant makes; ``work`` (6, P, P) inner products of what columns do along each axis, force and moment."""
+    """Columns of effects and background, and the evidence of each set.
+
+    ``gram`` (C, C) of whitened columns: P of the effects, Q of the background, the residual last. ``owner`` (P,):
+    number of the effect of each column. ``unit`` (P,): m/s^2 of a column per unit of its direction. ``believed`` (P,):
+    m/s^2 of the simulator's own term. ``work`` (6, P, P): inner products of the columns along each axis, force and
+    moment. ``varying`` (6, P): share of ``work``'s diagonal that is not constant.
+    """
 
     effects: Sequence[Effect]
     background: Background
@@ -93,9 +96,10 @@ class Evidence:
     """Log of prior times evidence of every set of effects' numbers."""
     given_up: set[str] = field(default_factory=set)
     rest: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
-    """(P + 1, P + 1) Gram matrix of effects and residual with everything that stands beside them integrated out."""
+    """(P + 1, P + 1) Gram matrix of effects and residual with the background and the error of every term integrated
+    out."""
     lifted: tuple[np.ndarray, float] = field(default_factory=lambda: (np.zeros((0, 0)), 0.0), repr=False)
-    """The same beside sets that say what thrust is (``takes_lift``), and the log evidence of none over ``rest``."""
+    """The same for sets that determine the thrust (``takes_lift``), and its log evidence of no effect over ``rest``."""
 
     @property
     def P(self) -> int:
@@ -138,12 +142,13 @@ class Evidence:
         return self.sets[chosen]
 
     def factor_beside(self, gram: np.ndarray, lifted: bool) -> np.ndarray:
-        """Of ``gram`` (P + Q, P + Q) of all that stands beside a set; ``lifted``: ``takes_lift`` of it."""
+        """Factor of the nuisance columns' ``gram`` (P + Q, P + Q): the error of every term, and the background.
+        ``lifted``: ``takes_lift`` of the set."""
         return _factor(gram, self._deviations(lifted))
 
     def beside(self, factor: np.ndarray, across: np.ndarray, asked: np.ndarray, lifted: bool) -> np.ndarray:
-        """(k, k) inner products of further columns, ``asked``, with all that stands beside a set integrated out;
-        ``across`` (P + Q, k) with the further ones."""
+        """(k, k) inner products ``asked`` of further columns, with the nuisance columns integrated out. ``across`` (P +
+        Q, k): inner products of nuisance and further columns."""
         taken = solve_triangular(factor, across * self._deviations(lifted)[:, None], lower=True)
         return np.asarray(asked - taken.T @ taken)
 
@@ -152,14 +157,14 @@ class Evidence:
         return np.concatenate([self.spike, [amplitudes.get(g, 1.0) for g in self.background.group.tolist()]])
 
     def everything(self, chosen: tuple[int, ...]) -> np.ndarray:
-        """(P + Q,) posterior mean of all columns, given a set: how far terms are off beside it, and the background."""
+        """(P + Q,) posterior mean of the nuisance columns, given a set: the error of every term, and the background."""
         shift = np.zeros(self.P + len(self.background.group))
         shift[self.columns(chosen)] = self.weighed(chosen)[1]
         return self.mean_of(self.gram[:-1, -1] - self.gram[:-1, :-1] @ shift, self.takes_lift(chosen))
 
     def mean_of(self, right: np.ndarray, lifted: bool) -> np.ndarray:
-        """(P + Q,) posterior mean of all columns beside a set, whose inner products with what it leaves are ``right``
-        (P + Q,); ``lifted``: ``takes_lift`` of it."""
+        """(P + Q,) posterior mean of the nuisance columns, given a set. ``right`` (P + Q,): their inner products with
+        the residual that the set leaves. ``lifted``: ``takes_lift`` of the set."""
         deviation = self._deviations(lifted)
         factor = _factor(self.gram[:-1, :-1], deviation)
         half = solve_triangular(factor, deviation * right, lower=True)
@@ -188,8 +193,8 @@ class Evidence:
         return total, coefficients, slab[best]
 
     def _within(self, index: np.ndarray, mean: np.ndarray, slab: np.ndarray, normal: np.ndarray) -> float:
-        """Log of the share of the posterior that is inside the bounds over that of the prior, direction by direction:
-        sizes are normal ones that end at what a vehicle can have."""
+        """Log ratio of the posterior's share inside the bounds to the prior's, direction by direction. Sizes follow a
+        normal distribution, truncated at the bounds of a vehicle."""
         sd = slab * np.sqrt(np.diag(np.linalg.inv(normal)))
         lower, upper = self.lower[index], self.upper[index]
         after = ndtr((upper - mean) / sd) - ndtr((lower - mean) / sd)
@@ -237,8 +242,8 @@ class Evidence:
         return any(self.effects[i].term in TWINS for i in chosen)
 
     def _unnamed(self, spike: np.ndarray) -> np.ndarray:
-        """(6,) m/s^2 RMS of the discrepancy on these flights, with every term free: of force whole, since the frame
-        turns with the vehicle, of moment about each axis."""
+        """(6,) m/s^2 RMS of the discrepancy on these flights, with every term free. The force has one value for all
+        axes, since the frame turns with the vehicle; the moment has one about each axis."""
         self.spike = spike
         background, found = self.background, self.everything(())[self.P:]
         mine = np.isin(background.group, UNNAMED_GROUPS)
@@ -293,8 +298,8 @@ class Evidence:
         return sum(float(np.log(PRIOR / (1.0 - PRIOR) / n)) for n in readings)
 
     def give_up(self, terms: set[str]) -> None:
-        """Terms that explain nothing, though something lies along them: beside every set they may be off as they
-        like."""
+        """Give up terms that explain nothing although the residual has a part along them: in every set, their error is
+        free."""
         self.given_up |= terms
         self.spike[[self.effects[i].term in terms for i in self.owner]] = FREE
         self._reduce()
@@ -342,7 +347,7 @@ def _log_weights(scales: np.ndarray) -> np.ndarray:
 
 
 def _shared(term: str, amplitudes: dict[str, float]) -> float:
-    """Scatter between flights that a shared change has to stand out of."""
+    """Scatter between flights that a shared change has to exceed."""
     level = SHARED.get(term, "")
     return (LIFT_SHARED if level == "lift" else TILT_SHARED) * amplitudes.get(level, 0.0)
 

@@ -26,9 +26,11 @@ INSIDE = 0.98
 
 @dataclass(frozen=True)
 class Refined:
-    """Sizes of a set: ``step`` (k,) in directions of its effects, ``covariance`` (k, k), the model there, and what a
-    fit without some flights begins from: ``Case.across`` of slopes near that step, ``at`` (k,), per m/s^2, with the
-    residual last."""
+    """Sizes of a set: ``step`` (k,) in directions of its effects, ``covariance`` (k, k), and the model at that step.
+
+    A fit without some flights starts near that step, at ``at`` (k,). ``across``: ``Case.across`` of the slopes there,
+    per m/s^2, with the residual last.
+    """
 
     chosen: tuple[int, ...]
     step: np.ndarray

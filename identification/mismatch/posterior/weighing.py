@@ -1,7 +1,7 @@
 """Prior, evidence of the residual, and predictions of flights that were left out, together: how probable a set is.
 
-Predictions take longer than evidence, so every term is predicted alone, at its most probable reading, and then the most
-probable sets; what any other set predicts is taken to be what its effects do alone, together.
+Predictions take longer than evidence. So every term is predicted alone, at its most probable reading, and then the most
+probable sets. The prediction of any other set is taken as the sum of its effects alone.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Chosen = tuple[int, ...]
 PREDICTED = count("posterior.weighing.predicted")
 """Sets of several that are predicted at most."""
 REACH = number("posterior.weighing.reach")
-"""Log odds below the most probable set from which on no prediction is asked."""
+"""Log odds below the most probable set, beyond which a set is not predicted."""
 
 
 @dataclass
