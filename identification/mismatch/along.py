@@ -1,7 +1,7 @@
 """Prediction of the path alone: a model's acceleration, integrated along the attitude that was measured.
 
-For recordings that say how a vehicle was pushed and not how it was turned: the attitude is given over the whole
-horizon, before a name and after it alike, and only position and velocity are predicted.
+For recordings that show how a vehicle was pushed but not how it was turned. The measured attitude is used over the
+whole horizon, for the simulator and the corrected one alike. Only position and velocity are predicted.
 """
 
 from __future__ import annotations

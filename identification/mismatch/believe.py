@@ -25,10 +25,10 @@ from .wrench import Wrench
 START: dict[str, dict[str, Any]] = setting("mismatch.believe.start")
 START_ROTORS = 4
 LAG = "motor_lag"
-"""Fitted once thrusts are about right: beside others its first step may lead to nothing, where it has no slope and
-stays."""
+"""Fitted once thrusts are about right. Before that, its first step may end at zero, where it has no slope and stays."""
 HEIGHT = "com_offset.r_m[2]"
-"""Not fitted beside drag_torque: under linear drag the two are the same moment, and a valley without an end."""
+"""Not fitted together with drag_torque: under linear drag both give the same moment, and the fit has no unique
+minimum."""
 LEAST_S = number("mismatch.believe.least_s")
 
 
@@ -48,8 +48,8 @@ def beliefs(recordings: Recordings, vehicle: Vehicle | None = None, progress: Ca
             place: str = "--simulated") -> Model:
     """The model that reproduces recordings of a simulator: START fitted, and further terms as long as they explain.
 
-    vehicle: what is known of it (mass, arms); in free flight only thrust over mass is seen. InputError when the
-    recordings are too short.
+    vehicle: its known properties (mass, arms); free flight shows only thrust over mass. InputError when the recordings
+    are too short.
     """
     fitted, moments = _identified(recordings, vehicle, place)
     named = name_effects(moments, space_around(fitted), fitted, progress)

@@ -38,8 +38,8 @@ def block_numbers(track: np.ndarray, time_s: np.ndarray) -> np.ndarray:
 def binned(values: np.ndarray, bins: np.ndarray, blocks: np.ndarray, count: int) -> Means:
     """values (n, D), bins (n,) from 0 to count - 1, blocks (n,) -> means of every bin.
 
-    The variance of a mean comes from the sums of its stretches, whatever happens inside them (Cochran 1977, Sampling
-    Techniques, ch. 9: clusters of unequal size).
+    The variance of a mean comes from the sums of its stretches, so samples within one may be correlated. Source:
+    Cochran 1977, Sampling Techniques, ch. 9: clusters of unequal size.
     """
     pair, where = np.unique(np.stack([bins, blocks]), axis=1, return_inverse=True)
     where, owner = where.reshape(-1), pair[0]

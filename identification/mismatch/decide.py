@@ -51,8 +51,11 @@ DOUBT = number("mismatch.decide.doubt")
 
 @dataclass(frozen=True)
 class Finding:
-    """One effect: the hypothesis, its indistinguishable effects, standard deviations of its parameters by name, the
-    fraction of the residual's structure that it explains, channels where it acts, confidence."""
+    """One identified effect.
+
+    ``equivalent``: indistinguishable effects. ``sd``: standard deviations of its parameters by name. ``share``: the
+    fraction of the residual's structure that it explains. ``axes``: channels where it acts.
+    """
 
     hypothesis: Hypothesis
     equivalent: tuple[str, ...]
@@ -67,10 +70,10 @@ class Finding:
 class Decision:
     """Decision on all effects.
 
-    outcome: as in DESIGN. own: terms that differ between flights. scores: initial gain of each hypothesis. findings:
-    identified effects. Structures that no term explains. fit: of the identified effects, and its space. faults: data
-    faults that forbid an answer (``Recordings.forbidding``). excess [6], before and after: squared length above the
-    plain level.
+    ``outcome``: as in DESIGN. ``own``: terms that differ between flights. ``scores``: initial gain of each hypothesis.
+    ``findings``: identified effects. ``unknown``: structures that no term explains. ``fit``: of the identified effects,
+    and its space. ``faults``: data faults that forbid an answer (``Recordings.forbidding``). ``before``, ``after``
+    (6,): squared length above the plain level.
     """
 
     outcome: str
@@ -94,7 +97,7 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named)
     before = excess(moments, nothing.left)
     faults = recordings.forbidding
     final = named.fit
-    # what the logging can feign is no finding, and no unknown either
+    # an artefact of the logging is no finding, and no unknown either
     faint = [t for t in named.feigned if t in named.space.terms and t not in {h.term for h in named.accepted}]
     free = free_of(named.space, [*(h.term for h in named.accepted), *faint])
     lenient = fit(known, final.model, free, own=named.own()) if faint else final
@@ -122,7 +125,7 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named)
             named, kept = instead, list(instead.accepted)
             alike[kept[-1].term] = named.alike[-1]
             final = named.fit
-    if withdrawn:  # what stays has to stand alone, on the simulator's own map when the other one went
+    if withdrawn:  # the rest has to explain the residual alone, on the simulator's own map if the other was rejected
         gone = [t for t, _ in withdrawn]
         here = space if any(t in MAPS for t in gone) else here
         start = carried(rested_in(named, gone, space), here.model)
@@ -138,7 +141,7 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named)
     idle = [f.hypothesis.term for f in findings if not _moved(f, final.model, space)]
     small = {f.hypothesis.term: why for f in findings if f.hypothesis.term not in (*TOGETHER, *idle)
              if (why := feigned(f.hypothesis.term, final, space.model, moments))}
-    if idle or small:  # both may have come of what was withdrawn
+    if idle or small:  # both may result from the rejected effects
         withdrawn += [(term, "what is believed lies within its interval") for term in idle] + list(small.items())
         idle += list(small)
         here, kept, final = _drop(known, here, space, kept, final, idle)

@@ -58,8 +58,8 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
 
 def open_case(recordings: Recordings, simulator: Model, start: float,
               given: Equivalent | None = None) -> tuple[Model, Wrench] | Verdict:
-    """The simulator as these recordings command it, and the wrench along them; or a verdict, where nothing finer can be
-    asked. ``start``: when the diagnosis began (``time.perf_counter``)."""
+    """The simulator as these recordings command it and the wrench along them, or a verdict if no diagnosis is possible.
+    ``start``: when the diagnosis began (``time.perf_counter``)."""
     if recordings.judged_s < LEAST_S:
         return Verdict.insufficient(recordings, simulator, time.perf_counter() - start)
     rotors = recordings.tracks[0].motor.shape[1]
@@ -68,7 +68,7 @@ def open_case(recordings: Recordings, simulator: Model, start: float,
                          "give the simulator.toml of this vehicle")
     simulator = believed(simulator, recordings.tracks[0].commanded)
     wrench = Wrench(recordings.tracks)
-    if given is not None:  # what it gives beyond its equivalent is no residual
+    if given is not None:  # its difference from its equivalent is no residual
         wrench.measured = wrench.measured[0] - given.gap[0], wrench.measured[1] - given.gap[1]
     ratio = lift_ratio(wrench, simulator)
     if not 1.0 / ANOTHER < ratio < ANOTHER:
@@ -108,7 +108,7 @@ def _proved(moments: Moments, decision: Decision, simulator: Model, space: Space
         try:
             proof = prove(moments, tried, simulator, seed)
             tried, proof = _without_idle(moments, tried, proof, simulator, seed)
-        except InputError:  # what was named together is no possible vehicle
+        except InputError:  # the identified effects together are no possible vehicle
             continue
         pushes = all(axis.startswith("force") for f in tried.findings for axis in f.axes)
         if proof.better or (pushes and proof.better_pushed(seed)) or (not proof.held_out and not tried.own) or \

@@ -183,9 +183,9 @@ def fit(known: Slopes, model: Model, free: Sequence[int] | np.ndarray, steps: in
     """Gauss-Newton with step halving, within the parameters' bounds. ``own``: per-flight parameters, around the shared
     value and to first order.
 
-    Every fit has these nuisances: the moment of its row that a command represents, within TIMING_SD_S and to first
-    order, unless the delay itself is fitted; rotors whose speed lags (``Wrench.speed_lag``); drag that acts at the
-    rotors (``Wrench.drag_at_rotors``); and scatter between flights (``Moments.levels``).
+    Every fit has four nuisances. The moment of its row that a command represents varies within TIMING_SD_S, to first
+    order, unless the delay itself is fitted. The speed of the rotors may lag (``Wrench.speed_lag``). Drag may act at
+    the rotors (``Wrench.drag_at_rotors``). Flights scatter (``Moments.levels``).
     """
     free = np.asarray(free, int)
     sizes, weight = scales(model)[free], np.full(len(free), 1.0 / PRIOR_SD)

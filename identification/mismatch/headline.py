@@ -20,7 +20,9 @@ USES = {"hover": "hover and position control", "mpc": "model-predictive control"
 
 
 def good_for(improvement: Mapping[str, Any] | None, which: str = "before") -> dict[str, Good]:
-    """{use: yes | no | cannot say} of the simulator as it is (``before``) or corrected (``after``), by ``RULES``.
+    """{use: yes | no | cannot say} of the given (``before``) or corrected (``after``) simulator.
+
+    ``RULES`` decide.
 
     improvement: as in verdict.json; errors of flights left out of the fit.
     """

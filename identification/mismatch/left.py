@@ -40,8 +40,8 @@ class Structure:
 
 @dataclass(frozen=True)
 class Left:
-    """What is drawn of a diagnosis: residuals of the simulator as it was given and, where something was named,
-    corrected; ``floor`` (6,) RMS of a right simulator; ``scores`` as drawn."""
+    """Data for the plots of a diagnosis: residuals of the given simulator and, if an effect was identified, of the
+    corrected one. ``floor`` (6,): RMS of a right simulator. ``scores``: as plotted."""
 
     wrench: Wrench
     before: Residual

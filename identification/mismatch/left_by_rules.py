@@ -34,7 +34,7 @@ def left_by_rules(moments: Moments, decision: Decision, proof: Proof) -> Left:
 
 
 def _corrected(wrench: Wrench, decision: Decision, proof: Proof) -> Residual:
-    """What the corrected simulator leaves; a term that differs between flights has each flight's own value."""
+    """Residual of the corrected simulator; a term that differs between flights has a per-flight value."""
     model = proof.models[1]
     own = {name: row for name, row in decision.fit.own.items() if name in model.names}
     force, torque = (part.copy() for part in wrench.residual(model))

@@ -46,9 +46,12 @@ GUST_AXIS = number("mismatch.leftover.gust_axis")
 
 @dataclass(frozen=True)
 class Structure:
-    """kind: ``place``, ``time``, ``motion``, ``period``, ``bursts`` or ``gusts``. size_m_s2: RMS of the force (of
-    bursts: while they last, a fraction ``share`` of the time). gain: squared standard deviations that it explains on
-    held-out flights. hint: a sentence."""
+    """Force that no term explains.
+
+    ``kind``: place, time, motion, period, bursts or gusts. ``size_m_s2``: RMS of the force (of bursts: while they last,
+    a fraction ``share`` of the time). ``gain``: squared standard deviations that it explains on held-out flights.
+    ``hint``: a sentence.
+    """
 
     kind: str
     size_m_s2: float

@@ -37,8 +37,8 @@ LEAST_FREE = number("mismatch.levels.least_free")
 
 
 def with_levels(moments: Moments, space: Space, other: Space | None = None) -> Moments:
-    """The moments with the scatter between flights as a nuisance of every fit. The unit of each channel is the part
-    that no term explains, which an effect has to exceed. ``other``: with the other thrust map."""
+    """The moments with the scatter between flights as a nuisance. The unit of each channel is the part that no term
+    explains, which an effect has to exceed. ``other``: with the other thrust map."""
     model, known = space.model, Slopes(moments)
     left = known.left(model)
     shared = known.columns(model, np.concatenate([space.free(t) for t in space.terms]))

@@ -1,7 +1,7 @@
 """Simulators that take measured rotor speeds (``input = "rpm"`` in simulator.toml), and recordings that hold them.
 
-The speeds stand where the commands stand for other simulators: the rest of a diagnosis sees one stream of inputs.
-Commands are not turned into speeds, since the map and the lag between them would be judged as the simulator's.
+The speeds replace the commands that other simulators take: the rest of a diagnosis sees one stream of inputs. Commands
+are not turned into speeds, since the map and the lag between them would be judged as the simulator's.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def with_speed(flight: Flight) -> Flight:
 
 def of_speed(audit: Audit) -> Audit:
     """A verdict on the data in which faults of the speeds are those of the inputs, and commands do not matter. Speeds
-    that are wrong beside the commands, which hurts nobody else, are as good as missing."""
+    that are inconsistent with the commands are treated as missing; this fault does not matter to other simulators."""
     faults = (f for f in audit.faults if f.stream != "motor")
     return replace(audit, faults=tuple(
         replace(f, stream="motor", kind="gap" if f.kind == WRONG else f.kind) if f.stream == SPEED else f

@@ -44,8 +44,11 @@ def runs_of(at: np.ndarray, step: int, track: np.ndarray) -> np.ndarray:
 
 
 def fit_memory(residual: np.ndarray, columns: np.ndarray, runs: np.ndarray, order: int) -> Memory:
-    """Least squares on the ``order`` samples before, together with ``columns`` (n, k), so that what these explain is
-    not taken for memory (Ljung 1999, System Identification, ch. 10: ARX)."""
+    """Least squares on the previous ``order`` samples, together with ``columns`` (n, k) (Ljung 1999, System
+    Identification, ch. 10: ARX).
+
+    The part that the columns explain is not counted as memory.
+    """
     lags = np.stack([np.concatenate([np.zeros(lag), residual[:-lag]]) for lag in range(1, order + 1)], axis=1)
     use = runs >= order
     size = np.linalg.norm(columns[use], axis=0)

@@ -1,13 +1,13 @@
 """Correlation of the residual with covariates that should not predict it.
 
-A right simulator leaves a residual that no covariate predicts. Residual and covariates are whitened (disturbances last
-a while), the covariates made orthonormal, and the residual projected onto them: K numbers a channel, of unit variance
-under a right simulator. A hypothesis is judged by how much of this projection it explains.
+A right simulator leaves a residual that no covariate predicts. Residual and covariates are whitened, since disturbances
+last a while. The covariates are made orthonormal, and the residual is projected onto them. This gives K numbers a
+channel, of unit variance under a right simulator. A hypothesis is judged by how much of this projection it explains.
 
 Closed loop: controllers answer a disturbance within a few rows, so commands and rates correlate with the residual
 without causing it. Torques are therefore compared over short stretches, with covariates fixed before the stretch began
-(predetermined instruments: Soederstroem and Stoica 1989, System Identification, ch. 8; the disturbance itself is
-whitened first), and with the set-points, which no disturbance moves.
+(predetermined instruments: Soederstroem and Stoica 1989, System Identification, ch. 8). The disturbance itself is
+whitened first. Set-points are also used, since no disturbance moves them.
 """
 
 from __future__ import annotations
@@ -107,8 +107,11 @@ def torque_covariates(wrench: Wrench) -> list[list[Covariate]]:
 
 @dataclass(frozen=True)
 class Channel:
-    """One axis: its autoregression, its covariates as an orthonormal basis (samples, K), and the standard deviation of
-    the innovations that they leave, widened where a moment has to exceed more (``spread``: the square)."""
+    """One axis: its autoregression and its covariates as an orthonormal basis (samples, K).
+
+    ``sd``: standard deviation of the innovations that they leave, widened where a moment has to exceed more.
+    ``spread``: the square of this factor.
+    """
 
     name: str
     memory: Memory
@@ -166,7 +169,7 @@ class Levels:
 
 @dataclass(frozen=True)
 class Moments:
-    """All six channels. ``levels``: scatter between flights, a nuisance of every fit."""
+    """All six channels. ``levels``: scatter between flights, which every fit includes as a nuisance."""
 
     wrench: Wrench
     channels: tuple[Channel, ...]

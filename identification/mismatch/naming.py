@@ -51,7 +51,7 @@ class Hypothesis:
 @dataclass(frozen=True)
 class Named:
     """Accepted hypotheses, each with its indistinguishable ones. fit: of all together. Loss before and after. rejected:
-    the reasons for the others. feigned: rejected ones that the logging alone can produce."""
+    the reasons for the others. ``feigned``: rejected ones that the logging alone can produce."""
 
     accepted: tuple[Hypothesis, ...]
     alike: tuple[tuple[str, ...], ...]
@@ -272,7 +272,7 @@ class _Search:
             free = self.known.directions(near, self.space.free(term))
         elif self.other is not None and term in self.other.terms and not any(n in MAPS for n in self.names):
             there = carried(start, self.other.model)
-            swap = left - self.known.left(there)  # the other map acts as it stands, before anything of it is changed
+            swap = left - self.known.left(there)  # the other map acts with its initial coefficients
             free = np.column_stack([swap, self.known.columns(there, self.other.free(term))])
         else:
             return 0.0
@@ -347,8 +347,8 @@ def _explained(columns: np.ndarray, left: np.ndarray) -> float:
 
 
 def rested(model: Model, terms: Sequence[str], space: Space, home: Space) -> Model:
-    """``model`` of ``space`` with some terms as in the simulator ``home``, including its thrust map if the other map is
-    among them."""
+    """``model`` of ``space`` with some terms as in ``home``, the simulator's space. If the other thrust map is among
+    them, the simulator's map replaces it."""
     if any(t in MAPS and t not in home.terms for t in terms):
         model, space = carried(model, home.model), home
     return model.with_parameters({n: v for n, v in space.model.parameters.items() if n.partition(".")[0] in terms})

@@ -38,7 +38,7 @@ QUANTITY_UNITS = {"position_m": ("Position", "m"), "velocity_m_s": ("Velocity", 
 
 @dataclass(frozen=True)
 class Table:
-    """title; heads (text, unit, whether numbers stand below); rows of cells, the first names the row."""
+    """title; heads (text, unit, whether the column has numbers); rows of cells, the first identifies the row."""
 
     title: str
     heads: tuple[tuple[str, str, bool], ...]
@@ -54,7 +54,7 @@ def page_text(verdict: Verdict, recordings: Recordings, synthetic: bool) -> str:
     """The page as text."""
     body, drawn = to_json(verdict.to_json()), to_json(pictures(verdict, recordings))
     held_out = bool((body.get("improvement") or {}).get("held_out"))
-    real = "" if synthetic else ", real"  # SYNTHETIC stands before every caption
+    real = "" if synthetic else ", real"  # SYNTHETIC precedes every caption
     n = f"n = {_flights(len({t.flight for t in recordings.tracks}))}, {recordings.judged_s:.0f} s{real}"
     recorded = f"n = {_flights(len(recordings.flights))}{real}"
     figures = drawings(drawn, [(h, f"{1e3 * h * ROW_S:.0f} ms") for h in HORIZONS], n, recorded)
@@ -173,7 +173,7 @@ def own_values(body: Mapping[str, Any]) -> Table:
 
 
 def levels(body: Mapping[str, Any]) -> Table:
-    """What every flight has another value of, beside the one they share."""
+    """Table of the per-flight offsets, which add to the shared values."""
     found = body.get("levels") or {}
     flights = next(iter(found.values()))["by_flight"] if found else {}
     rows = [(flight, *(f"{entry['by_flight'][flight]:+.3g}" for entry in found.values())) for flight in flights]
@@ -198,7 +198,7 @@ SHOWN_M_S2 = 0.0005
 
 
 def discrepancy(body: Mapping[str, Any]) -> Table:
-    """What no effect explains, as an acceleration (moments by the arms of the rotors)."""
+    """Table of the unexplained part, as an acceleration (moments by the arms of the rotors)."""
     found = body.get("discrepancy_m_s2") or {}
     rows = [(GOES_WITH.get(group, group), f"{size:.3f}") for group, size in sorted(found.items(), key=lambda e: -e[1])
             if size >= SHOWN_M_S2]

@@ -50,13 +50,13 @@ def pictures(verdict: Verdict, recordings: Recordings) -> dict[str, Any]:
 
 
 def _worst(found: Mapping[str, Any]) -> int:
-    """The channel whose residual stands furthest above that of a right simulator."""
+    """The channel with the largest ratio of the residual to that of a right simulator."""
     return int(np.argmax([(b or 0.0) / max(f or 0.0, 1e-9) if n else 0.0
                           for b, f, n in zip(found["before"], found["floor"], found["samples"], strict=True)]))
 
 
 def rounded(values: np.ndarray, digits: int = 4) -> list[Any]:
-    """Numbers with so many significant digits, None where there is none."""
+    """Numbers rounded to ``digits`` significant digits; None for a value that is not finite."""
     return [rounded(v, digits) if np.ndim(v) else float(f"{v:.{digits}g}") if np.isfinite(v) else None for v in values]
 
 
@@ -140,8 +140,8 @@ def by_flight(left: Left) -> dict[str, Any]:
 
 
 def covariates(left: Left) -> list[dict[str, Any]]:
-    """The pairs of channel and covariate that go together most, SHOWN of them and each channel and group once if that
-    can be: means in bins of equally many samples."""
+    """The SHOWN pairs of channel and covariate that are correlated most: means in bins of equally many samples. Each
+    channel and group appears once, if possible."""
     nothing = np.zeros((len(left.wrench.force_at), 3, 0))
     known: Sequence[list[Covariate]] = [*force_covariates(left.wrench, nothing, ()), *(
         [] if left.wrench.unasked else torque_covariates(left.wrench))]

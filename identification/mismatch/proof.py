@@ -96,7 +96,7 @@ def turned_better(without: np.ndarray, with_it: np.ndarray) -> bool:
 
 def prove(moments: Moments, decision: Decision, simulator: Model, seed: int = 0) -> Proof:
     """Leave flights out in turn (at most FOLDS times), fit the identified effects to the others, predict them. Where
-    flights differ, each is predicted with its own value and none is held out."""
+    flights differ, each is predicted with its per-flight value and none is held out."""
     tracks = moments.wrench.tracks
     numbers = sorted({t.flight for t in tracks})
     names = {t.flight: t.name for t in tracks}
@@ -115,7 +115,7 @@ def prove(moments: Moments, decision: Decision, simulator: Model, seed: int = 0)
     gained, possible = 0.0, 0.0
     folds = [numbers[k::FOLDS] for k in range(min(FOLDS, len(numbers)))] if len(numbers) > 1 else [numbers]
     free = free_of(decision.space, terms)
-    if decision.own:  # a flight that differs can only be predicted with a value of its own
+    if decision.own:  # a flight that differs can only be predicted with a per-flight value
         models = own_levels(known, decision.space, decision.fit.model, terms, whole, told)
         after = _each([model.with_parameters({name: decision.fit.model.parameters[name] + float(row[k])
                                               for name, row in decision.fit.own.items()})
@@ -151,10 +151,10 @@ def own_levels(known: Slopes, space: Space, model: Model, terms: Sequence[str], 
                told: Collection[str] = ()) -> list[Model]:
     """``model`` of ``space`` without the effects that were not identified, once per flight.
 
-    Parameters that scatter between flights keep the flight's deviation from the mean, both before and after, so that it
-    is no part of the explanation; nor is the part that all flights share. ``whole``: include the mean of thrust, where
-    an identified curve has to explain more than a level. ``told``: terms reported to differ between flights, which do
-    not scatter in addition.
+    Parameters that scatter between flights keep the flight's deviation from the mean, both before and after. So the
+    explanation includes neither this deviation nor the part that all flights share. ``whole``: include the mean of
+    thrust, where an identified curve has to explain more than an offset. ``told``: terms reported to differ between
+    flights, which do not scatter in addition.
     """
     scattered = {name: each for name, each in fit(known, model, []).levels.items()
                  if name.partition(".")[0] not in told}

@@ -33,9 +33,9 @@ class Recordings:
 
     ``flights``: on the motion capture's clock where it is known. ``audits``: by name, on the same clock. ``tracks``:
     the rows that can be judged. ``faults``: (flight, fault) of all. ``left_out``: {flight: why}. ``arm``: offset of the
-    tracked point from the centre of mass, where the tracks were corrected for it. Of the faults (``taking_part``), cut
-    removed rows of the comparison; late are time errors in rows that are still judged, because too few rows remain
-    without them.
+    tracked point from the centre of mass, where the tracks were corrected for it. Of the faults (``taking_part``),
+    those in ``cut`` removed rows of the comparison. ``late``: time errors in rows that are still judged, because too
+    few rows remain without them.
     """
 
     flights: tuple[Flight, ...]
@@ -58,8 +58,11 @@ class Recordings:
 
     @property
     def forbidding(self) -> tuple[tuple[str, Fault], ...]:
-        """Faults that forbid an answer: those in the judged rows and, if too few rows remain, those that removed the
-        others, as far as the flights were long enough without them."""
+        """Faults that forbid an answer.
+
+        These are the faults in the judged rows. If too few rows remain, they include the faults that removed the
+        others, provided that the flights were long enough without these faults.
+        """
         flown_s = sum(s.duration_s for n in {name for name, _ in self.cut} for s in self.audits[n].airborne)
         unknown = any(not self.audits[name].airborne for name, _ in self.cut)
         lost = self.judged_s < LEAST_S and (unknown or self.judged_s + flown_s >= LEAST_S)

@@ -1,8 +1,8 @@
 """Second estimate of the identified parameters, fitted to multi-step predictions.
 
-The errors of position, velocity, attitude and rate at REFIT_HORIZONS, each in units of its size, are minimised by a
-robust least squares (soft L1), with per-flight offsets where flights scatter. Flights left out in turn judge it, as in
-``proof.prove``; it is used only if it predicts them better than the first estimate. Commands answer disturbances, and
+A robust least squares (soft L1) minimises the errors of position, velocity, attitude and rate at REFIT_HORIZONS, each
+in units of its size. It includes per-flight offsets where flights scatter. Flights left out in turn judge it, as in
+``proof.prove``. It is used only if it predicts them better than the first estimate. Commands answer disturbances, and
 an open-loop prediction attributes the disturbances to them (Ljung 1999, System Identification, ch. 13). So a refit may
 predict better and be further from the vehicle.
 """
@@ -52,8 +52,9 @@ LEAST = setting("mismatch.refit.least")
 
 @dataclass(frozen=True)
 class Refitted:
-    """fitted, refitted {parameter: value}, units; model: the corrected simulator with the refitted values; compared:
-    errors (flights, H, 4) of both on flights left out (``before`` the first estimate, ``after`` the refit)."""
+    """``fitted``, ``refitted`` {parameter: value}, units. ``model``: the corrected simulator with the refitted values.
+    ``compared``: errors (flights, H, 4) on flights left out. Its ``before`` is the first estimate, ``after`` the
+    refit."""
 
     fitted: dict[str, float]
     refitted: dict[str, float]

@@ -1,7 +1,7 @@
-"""How large a vehicle is beside the one that scales and tolerances were set on: 40 g on arms of 46 mm.
+"""Size of a vehicle relative to the one that scales and tolerances were set on: 40 g on arms of 46 mm.
 
 Forces grow with the weight, lengths with the arms, moments with both. Within a factor of two nothing changes: scales
-are orders of magnitude, and tolerances were seen on vehicles from 30 to 46 g alike.
+are orders of magnitude, and the same tolerances were seen on vehicles from 30 to 46 g.
 """
 
 from __future__ import annotations
@@ -70,5 +70,5 @@ def range_share(parameter: Parameter) -> float:
 
 
 def usual(model: Model, slot: Slot) -> float:
-    """Usual size of one number of a model, wherever it stands; never 0."""
+    """Usual size of one parameter of a model, independent of its value; never 0."""
     return (typical(slot.parameter, slot.element) or range_share(slot.parameter)) * growth(model, slot.parameter)

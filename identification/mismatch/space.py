@@ -1,5 +1,8 @@
-"""The space of hypotheses around a simulator: its model with every other effect of the vocabulary added at the value
-where it does nothing, so that a hypothesis is a few free parameters of one model."""
+"""The space of hypotheses around a simulator: its model, with every other effect of the vocabulary added without
+effect.
+
+A hypothesis is a few free parameters of this one model.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,7 @@ LEAST_SAG_V = number("mismatch.space.least_sag_v")
 @dataclass(frozen=True)
 class Space:
     """``model``: the simulator's terms and all others at rest; ``believed``: the terms of the simulator; unasked: terms
-    that the recordings cannot tell anything about."""
+    that the recordings cannot show."""
 
     model: Model
     believed: tuple[str, ...]
@@ -56,7 +59,7 @@ def scales(model: Model) -> np.ndarray:
 
 
 def space_around(simulator: Model, unasked: tuple[str, ...] = ()) -> Space:
-    """Every registered effect that has a value without effect, beside those of ``simulator``."""
+    """The terms of ``simulator`` and every other registered term that has a value without effect."""
     terms: dict[str, Mapping[str, Any]] = dict(simulator.as_dict())
     believed = tuple(terms)
     if "thrust_rpm" not in terms:
@@ -82,8 +85,8 @@ def with_other_map(simulator: Model, battery_V: float) -> Model | None:
 
 
 def space_of_other_map(simulator: Model, battery_V: np.ndarray, unasked: tuple[str, ...] = ()) -> Space | None:
-    """The space around the simulator with the other thrust map, where the battery (n,) V in the air changed enough to
-    tell the two."""
+    """The space around the simulator with the other thrust map. None if the battery (n,) V in the air changed too
+    little to distinguish the maps."""
     other = with_other_map(simulator, float(np.median(battery_V))) if np.ptp(battery_V) > LEAST_SAG_V else None
     return None if other is None else space_around(other, unasked)
 

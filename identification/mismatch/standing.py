@@ -119,8 +119,10 @@ def passing(moments: Moments, named: Named, h: Hypothesis, home: Space, bursts: 
 
 
 def overshadowed(moments: Moments, known: Slopes, named: Named, home: Space) -> list[tuple[str, str]]:
-    """Effects, among those kept when others went, that act along the axes of a force of place, time or period more than
-    half as large as theirs."""
+    """(term, reason) of masked effects, among those kept after others were rejected.
+
+    A masked effect acts along the axes of a force of place, time or period that is more than half as large.
+    """
     found = [s for s in structures(moments, force_left(known, named.fit)) if s.kind in ("place", "time", "period")]
     gone = []
     for h in (h for h in named.accepted if not h.own) if found else ():

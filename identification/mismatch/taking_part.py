@@ -1,8 +1,8 @@
 """Which faults of the data reach a comparison of physics, and which of them forbid it.
 
-A fault reaches it in a stream, and in quantities, that it is made from: the unit of a set-point or a spike in the
-estimated attitude does not. One whose rows are left out forbids nothing while enough rows are left, and a clock that
-was put right forbids nothing either: how late the recording still is, as it is compared, decides.
+A fault reaches the comparison only through the streams and quantities that it uses. The unit of a set-point or a spike
+in the estimated attitude does not reach it. A fault whose rows are removed does not forbid the comparison while enough
+rows remain. Nor does a corrected clock forbid it: only the delay that remains in the compared recording counts.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ Needed = Mapping[str, Sequence[str]]
 
 
 def taking_part(audit: Audit, flight: Flight, needed: Needed) -> Audit:
-    """The verdict with the faults alone that reach what ``needed`` says of ``flight`` (as recorded). An attitude that
-    stands in for that of the motion capture counts as its own."""
+    """The verdict with only the faults that reach the quantities in ``needed`` of ``flight`` (as recorded). An attitude
+    that replaces that of the motion capture counts as part of it."""
     mocap = flight.streams.get("mocap")
     lent = mocap is not None and "qw" in needed["mocap"] and "qw" not in mocap
     faults = (replace(f, stream="mocap", columns=()) if lent and f.stream in ATTITUDES and "imu" not in needed else f
@@ -43,7 +43,7 @@ def _reaches(fault: Fault, flight: Flight, needed: Needed) -> bool:
 
 
 def cutting(audit: Audit) -> tuple[Fault, ...]:
-    """Faults of ``taking_part`` that take rows in the air away; all of them where nobody can tell when it flew."""
+    """Faults of ``taking_part`` that remove rows in the air; all of them if the time in the air is unknown."""
     cuts = cutting_kinds()
     return tuple(f for f in audit.faults if f.kind in cuts and (
         not audit.airborne or any(f.start_s < s.end_s and f.end_s > s.start_s for s in audit.airborne)))

@@ -63,7 +63,7 @@ def feigned(term: str, fit: Fit, before: Model, moments: Moments) -> str:
                 share = slot.parameter.systematic is not None and slot.parameter.systematic.of == "value"
                 least = slot.parameter.differs * (abs(old[name]) if share else growth(before, slot.parameter))
             changed = changed or (float(np.ptp(fit.own[name])) > least and two_groups(fit.own[name]))
-        else:  # coefficients of a curve are only told together: where nothing is feigned, the gain has spoken
+        else:  # coefficients of a curve are only known jointly: without a noise floor the gain alone decides
             limit = smallest(name, before, moments, fit.model)
             changed = changed or limit == 0.0 or change - 2.0 * sd > limit
     if not changed:

@@ -51,14 +51,19 @@ SMOOTHER = number("mismatch.track.smoother")
 
 @dataclass(frozen=True)
 class Track:
-    """One span of one flight, n rows 10 ms apart. time_s (n,) of the recording; position_m, velocity_m_s (n, 3) world;
-    quaternion (n, 4) body to world; rate_rad_s (n, 3) body; force_m_s2 (n, 3) specific force of the accelerometer,
-    body, nan without one; motor (n, rotors) PWM ratio and battery_V (n,) in the middle of the row, which they stand
-    for; counts (n,) rows that are judged; since_s (n,) time since take-off; asked_rad_s2 (n, 2) angular acceleration
-    that following the set-points takes, about world y and -x, 0 without set-points; flight is an index into the flights
-    of the diagnosis. ``commanded``: unit of the collective command that the motors got in equal parts, where no motors
-    were logged (``commanded.py``: ``motor`` is in N for N); gyro: whether the rate was measured; turns: whether the
-    simulator says how motors turn the vehicle."""
+    """One span of one flight, n rows 10 ms apart.
+
+    ``time_s`` (n,): of the recording. ``position_m``, ``velocity_m_s`` (n, 3): world. ``quaternion`` (n, 4): body to
+    world. ``rate_rad_s`` (n, 3): body. ``force_m_s2`` (n, 3): specific force of the accelerometer, body, nan without
+    one. ``motor`` (n, rotors): PWM ratio, and ``battery_V`` (n,), both in the middle of the row, which they represent.
+    ``counts`` (n,): rows that are judged. ``since_s`` (n,): time since take-off. ``asked_rad_s2`` (n, 2): angular
+    acceleration that following the set-points takes, about world y and -x, 0 without set-points. ``flight``: index into
+    the flights of the diagnosis.
+
+    ``commanded``: unit of the collective command, if no motors were logged and each got an equal part of it
+    (``commanded.py``). For N, ``motor`` is in N. ``gyro``: whether the rate was measured. ``turns``: whether the
+    simulator includes how motors turn the vehicle.
+    """
 
     name: str
     flight: int
@@ -99,8 +104,8 @@ def missing(flight: Flight, with_battery: bool = True, rotors: int = 4,
 
 
 def check_motors(flight: Flight, rotors: int) -> None:
-    """InputError for the recording of a vehicle with another number of rotors. A stream that lost a column, which its
-    reader says, does not tell."""
+    """InputError for the recording of a vehicle with another number of rotors. A stream whose reader reports a lost
+    column is not checked."""
     motors = motors_of(flight["motor"]) if "motor" in flight else ()
     lost = len(motors) < rotors and (
         not motors or any(f.kind == "missing_column" and f.stream == "motor" for f in flight.provenance.findings))
@@ -111,9 +116,8 @@ def check_motors(flight: Flight, rotors: int) -> None:
 
 def tracks_of(flight: Flight, audit: Audit, number: int, with_battery: bool = True, rotors: int = 4,
               unit: str = "") -> list[Track]:
-    """Every clean airborne span of a recording. InputError when a stream of WRENCH is missing; a battery that is not
-    asked for (``with_battery``) counts as constant where there is none. ``unit``: of the collective command, where it
-    takes the motors' place."""
+    """Every clean airborne span of a recording. InputError when a stream of WRENCH is missing. Without ``with_battery``
+    a missing battery counts as constant. ``unit``: of the collective command, if it replaces the motors."""
     needed = FORCE if unit else WRENCH
     lacks = missing(flight, with_battery, rotors, needed)
     if lacks:

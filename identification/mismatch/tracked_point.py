@@ -1,8 +1,8 @@
-"""Where the point that the cameras follow sits in the vehicle: markers stand above the centre of mass.
+"""Position in the vehicle of the point that the cameras follow: markers are mounted above the centre of mass.
 
 A point r off the centre of mass accelerates by w' x r + w x (w x r) more than the centre does. A quadrotor can only
-push along its own vertical axis, so that its two other axes show drag and this, whatever the simulator. The arm is read
-from them, and where it matters the path of the centre of mass is judged instead of the marker's.
+push along its own vertical axis. So its two other axes show drag and this acceleration, with any simulator. The arm is
+estimated from them. If it matters, the path of the centre of mass is judged instead of the marker's.
 """
 
 from __future__ import annotations

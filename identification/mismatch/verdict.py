@@ -191,8 +191,8 @@ def levels(moments: Moments, decision: Decision, recordings: Recordings) -> dict
 
 
 def power(moments: Moments, decision: Decision) -> dict[str, dict[str, Any]]:
-    """Smallest change of each term's best known parameter that nine of ten such recordings would identify, with
-    everything that a fit leaves free (``Slopes.nuisances``)."""
+    """Smallest change of each term's best known parameter that nine of ten such recordings would identify. The
+    nuisances of a fit are free (``Slopes.nuisances``)."""
     model, known = decision.space.model, Slopes(moments)
     found = {}
     for term in decision.space.terms:
@@ -225,8 +225,8 @@ def _least(known: Slopes, model: Model, free: np.ndarray, needed: float, feigned
 
 
 def _least_of(known: Slopes, model: Model, begun: Model, which: int, needed: float, feigned: float) -> float:
-    """The same for one parameter of a term that is far from linear at rest: sizes from the noise floor to the bound are
-    tried, from where its fit begins (``begun``)."""
+    """The same for one parameter of a term that is far from linear at rest. Sizes from the noise floor to the bound are
+    tried, from the start of its fit (``begun``)."""
     rest, most = float(model.values[which]), float(model.upper[which])
 
     def enough(change: float) -> bool:

@@ -1,7 +1,7 @@
 """Whether a simulator's motor order and spin directions are physically possible, and those of the flights.
 
 A wrong order looks like a wrong inertia or a weak motor to every later step, so it is checked before anything is
-explained. Two checks: the rotors must be able to hover in balance and to turn about every axis, and the measured
+explained. There are two checks. The rotors must be able to hover in balance and to turn about every axis. The measured
 angular acceleration must follow the motors in the pattern that the simulator's positions and spins give.
 """
 
@@ -171,8 +171,8 @@ def _contradicted(wrench: Wrench, patterns: np.ndarray, commands: str) -> Contra
 
 
 def _explained(follows: np.ndarray) -> float:
-    """How much better a wiring explains the turning than none; what is within chance counts nothing, so that of two
-    that differ in it the simpler one, which comes first, is taken."""
+    """How much better a wiring explains the turning than no wiring. A part within chance does not count. If two wirings
+    differ only in it, the first one is taken, which is simpler."""
     return float(np.sum(np.where(follows > 0.5 * CLEAR, follows, 0.0) ** 2))
 
 
@@ -238,8 +238,10 @@ def _centred(values: np.ndarray, track: np.ndarray) -> np.ndarray:
 
 
 def _follows(slopes: np.ndarray, information: np.ndarray, left: np.ndarray, patterns: np.ndarray) -> np.ndarray:
-    """(axes,) standard deviations by which each axis follows its own pattern, beside those of the other axes and a part
-    that all rotors share; negative where it follows the opposite."""
+    """(axes,) standard deviations by which each axis follows its own pattern; negative where it follows the opposite.
+
+    The fit includes the patterns of the other axes and a part that all rotors share.
+    """
     basis = np.vstack([patterns, np.ones(slopes.shape[1])]).T
     inverse = np.linalg.pinv(basis.T @ information @ basis)
     gains = slopes[: len(patterns)] @ information @ basis @ inverse

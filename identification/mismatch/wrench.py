@@ -1,9 +1,9 @@
-"""What a simulator would have produced along the measured states, against what was measured: the residual wrench.
+"""The residual wrench: force and moment as measured, compared with those of a simulator along the measured states.
 
-The measured pose, velocity and rate go into the model's equations and only the rotors are integrated, so an error shows
-where and when it acts and does not pile up. Measured and predicted values pass the same filter: positions a smoothed
-second derivative and accelerations the same smoothing (a Gaussian commutes with the derivative), rates a difference and
-angular accelerations their mean over the same stretch:
+The measured pose, velocity and rate go into the model's equations, and only the rotors are integrated. So an error
+shows where and when it acts and does not accumulate. Measured and predicted values pass the same filter. Positions get
+a smoothed second derivative and accelerations the same smoothing (a Gaussian commutes with the derivative). Rates get a
+difference, and angular accelerations their mean over the same stretch:
 
     g'' * p - g * a_model  [m/s^2]          (w(t + h) - w(t)) / h - mean of alpha_model over h  [rad/s^2]
 """
@@ -139,7 +139,8 @@ class Wrench:
         return (self._in_body(self._smooth(joined(self.tracks, "position_m"), 2)), turned / (TORQUE_ROWS * ROW_S))
 
     def model(self, model: Model, parameters: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """The model's prediction along the measured states, as ``measured``; parameters (P,) in place of its own."""
+        """The model's prediction along the measured states, as ``measured``; parameters (P,) replace those of the
+        model."""
         if parameters is None:
             if model.key not in self._known:
                 self._known[model.key] = self.model(model, model.values)

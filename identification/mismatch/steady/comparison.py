@@ -228,8 +228,11 @@ def _askew(found: Weighed, normal: Normal) -> bool:
 
 
 def _pendulum(swing: Mapping[str, Any], mass_share: float) -> dict[str, tuple[float, float, float, str]]:
-    """Frequency [Hz] and length of the string [m] of a swing, each with its interval: between a knot that the
-    controller holds fixed and a vehicle that is free to follow."""
+    """Frequency [Hz] and length of the string [m] of a swing, each with its interval.
+
+    The interval of the length lies between two limits: the controller holds the knot fixed, or the vehicle is free to
+    follow.
+    """
     f, low, high = (swing["frequency_hz"] + sign * RESOLUTION_HZ for sign in (0.0, -1.0, 1.0))
     ends = lengths_m(f, mass_share)
     return {"frequency": (f, low, high, "Hz"),

@@ -1,9 +1,9 @@
 """A horizontal force that comes and goes: detects a load that swings below a vehicle.
 
 A swing pulls the vehicle sideways without a matching tilt. The horizontal acceleration, less the share of the tilt and
-drag, is examined between LOWEST and HIGHEST: a load on a string of 0.1 to 2.8 m. Its spectrum is compared with that of
-the normal flights at the same frequency, since structure in every flight is the controller. The largest ratio counts,
-tested against the F distribution with one trial per frequency.
+drag, is examined between LOWEST and HIGHEST. This covers a load on a string of 0.1 to 2.8 m. Its spectrum is compared
+with that of the normal flights at the same frequency, since structure in every flight is the controller. The largest
+ratio counts, tested against the F distribution with one trial per frequency.
 """
 
 from __future__ import annotations
@@ -97,9 +97,11 @@ def swing_in(states: States, runs: Sequence[Span]) -> Swing:
 
 def _peaks(push: np.ndarray, tilt: np.ndarray, speed: np.ndarray, rows: np.ndarray,
            states: States) -> tuple[np.ndarray, float, float]:
-    """(FREQUENCIES,) complex amplitudes of the residual of one axis and run, the mean level of their squares up to
-    BROAD_HZ, and the square for a swing of 1 m/s^2. The tilt's share is not fitted: the controller answers a swing
-    with tilt, and a fit would confuse the two."""
+    """(FREQUENCIES,) complex amplitudes of the residual of one axis and run, and two reference levels.
+
+    These are the mean of the squared amplitudes up to BROAD_HZ, and the square for a swing of 1 m/s^2. The tilt's share
+    is not fitted: the controller answers a swing with tilt, and a fit would confuse the two.
+    """
     t = states.time_s
     step = max(float(np.median(np.diff(t))), 1e-4)
     asked = np.cumsum(GRAVITY_M_S2 * np.where(np.isfinite(tilt), tilt, 0.0) - DRAG_1_S * speed) * step

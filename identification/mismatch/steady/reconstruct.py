@@ -1,8 +1,8 @@
 """Quantities that a recording lacks, from those it has, as far as physics allows: heading, pitch, accelerations.
 
-A quadrotor can only push along its own vertical axis. Without wind and drag its horizontal acceleration is therefore
-the direction of its thrust: a = |f| R e3 - g e3, and with the yaw known the tilt follows. Rates are the derivatives of
-the attitude. Each quantity says where it is from; what cannot be had is None.
+A quadrotor can only push along its own vertical axis. Without wind and drag its horizontal acceleration therefore gives
+the direction of its thrust: a = |f| R e3 - g e3. With the yaw known, the tilt follows. Rates are the derivatives of the
+attitude. Each quantity has its source; one that cannot be reconstructed is None.
 """
 
 from __future__ import annotations
@@ -23,9 +23,12 @@ ORDER = 2
 
 @dataclass(frozen=True)
 class States:
-    """n rows on the clock of the motors. velocity, acceleration (n, 3) world, m/s, m/s^2; yaw, roll, pitch (n,) rad or
-    None; felt (n, 3) m/s^2 mean accelerometer in the frame of the heading, gravity taken off, or None; sources says
-    where each is from, with its standard deviation where it was reconstructed."""
+    """n rows on the clock of the motors.
+
+    ``velocity``, ``acceleration`` (n, 3): world, m/s, m/s^2. ``yaw``, ``roll``, ``pitch`` (n,): rad or None. ``felt``
+    (n, 3): mean accelerometer, m/s^2, in the frame of the heading without gravity, or None. ``sources``: source of
+    each, with its standard deviation if it was reconstructed.
+    """
 
     time_s: np.ndarray
     velocity_m_s: np.ndarray | None

@@ -1,8 +1,8 @@
 """The smallest swing that the flights would have shown: detection limit of a load on a string.
 
-A swing of every size is added to the measured residual (``periodic.Swing``), at every frequency of the band, with every
-phase, and half a step off the examined frequencies. The limit is the size from which FOUND of the phases are detected,
-by the same rules as a real swing: ``periodic.swing_of``.
+Swings of every size are added to the measured residual (``periodic.Swing``). Their frequencies cover the band, also
+half a step off the examined frequencies, and their phases are random. The limit is the size from which FOUND of the
+phases are detected, by the same rules as a real swing: ``periodic.swing_of``.
 """
 
 from __future__ import annotations

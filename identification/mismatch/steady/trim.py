@@ -1,9 +1,9 @@
 """Steady trim: the commands of the four motors that kept a hovering vehicle in balance.
 
 The mean acceleration over a flight is zero: the thrusts carry the weight, and their moments about the centre of mass
-cancel. Few flights excite more than that. Still, the trim shows a propeller that lost thrust (one motor has a higher
-command, the others the same) and a weight (all have higher commands, depending on its place). One flight is one sample:
-its rows show how well its mean is known, and only other flights show how much a vehicle varies from day to day.
+cancel. Few flights excite more than that. Still, the trim shows a propeller that lost thrust: one motor has a higher
+command, the others the same. It also shows a weight: all have higher commands, depending on its place. One flight is
+one sample. Its rows show how well its mean is known; only other flights show how much a vehicle varies from day to day.
 """
 
 from __future__ import annotations
@@ -46,11 +46,12 @@ MOST_ALIKE = number("mismatch.trim.most_alike")
 class Trim:
     """Trim of one flight.
 
-    gains (4,): ln of the thrust [N] that the commands of motors 1..4 would give on a vehicle of the type, at rest and
-    per g carried. level (2,) m/s^2: mean horizontal accelerometer in the frame of the heading, forward and left, the
-    angle between thrust and sensor. push (2,) m/s^2: horizontal force over mass that the tilt balances. nan where
-    unknown. sd: standard errors of these means, same keys. known_lift: False without a measured battery, when only
-    shares among the motors count. commands: the source's names of them.
+    ``gains`` (4,): ln of the thrust [N] that the commands of motors 1..4 would give on a vehicle of the type. This
+    thrust is at rest and per g carried. ``level`` (2,) m/s^2: mean horizontal accelerometer in the frame of the
+    heading, forward and left. It shows the angle between thrust and sensor. ``push`` (2,) m/s^2: horizontal force over
+    mass that the tilt balances. An unknown value is nan. ``sd``: standard errors of these means, same keys.
+    ``known_lift``: False without a measured battery, when only shares among the motors count. ``commands``: names of
+    the commands in the source.
     """
 
     name: str
@@ -65,8 +66,8 @@ class Trim:
     notes: tuple[str, ...] = ()
     commands: tuple[str, ...] = ()
     course: tuple[tuple[float, ...], ...] = ()
-    """Second by second: time from take-off [s], x and y [m] (nan where unknown), ln thrust of motors 1..4 per g carried
-    (``gains`` at rest)."""
+    """Course of the flight, one row a second. Columns: time from take-off [s], x and y [m] (nan where unknown). Then ln
+    thrust of motors 1..4 per g carried (``gains`` at rest)."""
 
     def to_json(self) -> dict[str, Any]:
         return {"name": self.name, "gains": self.gains.tolist(), "level": self.level.tolist(),

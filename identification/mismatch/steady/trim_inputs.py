@@ -38,7 +38,7 @@ def renamed(value: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 
 def trims_in(values: Mapping[str, Mapping[str, Any]]) -> tuple[list[Trim], list[Swing], dict[str, str]]:
-    """(trims, swings, {name: why there is none}) of values of ``trim_item`` by the flights' names."""
+    """(trims, swings, {name: reason for having neither}) of values of ``trim_item`` by the flights' names."""
     trims = [Trim.from_json({**v["trim"], "name": name}) for name, v in values.items() if "trim" in v]
     swings = [Swing.from_json(v["swing"]) for v in values.values() if "swing" in v]
     return trims, swings, {name: v["why"] for name, v in values.items() if "why" in v}

@@ -98,7 +98,7 @@ def _course(trim: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def _place(trim: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Where in the room the motor that changed most was asked for how much: dots of the seconds, by size and sign."""
+    """Map of the room with the change of the motor that changed most: one dot a second, by size and sign."""
     rows = [np.array(f["course"], float) for f in trim["flights"] if f.get("course")]
     if not rows or not np.isfinite(np.concatenate(rows)[:, 1:3]).any():
         return None

@@ -21,9 +21,9 @@ def class_of(found: Weighed, known_not: Collection[str] = ()) -> list[str]:
     """The identified causes, most probable first: all that explain the change about as well as the best (ALIKE), if
     their sum is SURE. None if they include no change, or another vehicle with others.
 
-    Two neighbouring propellers and a load between them need the same of the motors; a load that does not swing is a
-    weight; a weight in the middle is another mass. One trim shows that it was one of these causes, but not which.
-    known_not: causes excluded by other information.
+    Two neighbouring propellers and a load between them need the same thrusts. A load that does not swing is a weight. A
+    weight in the middle is another mass. One trim shows that it was one of these causes, but not which. known_not:
+    causes excluded by other information.
     """
     chances = {name: p for name, p in found.by_cause().items() if name not in known_not}
     best: dict[str, float] = {}
@@ -39,8 +39,10 @@ def class_of(found: Weighed, known_not: Collection[str] = ()) -> list[str]:
 
 
 def smallest(normal: Normal, sd: Mapping[str, float], body: Body) -> dict[str, dict[str, Any]]:
-    """Smallest identified size of each cause, if the flights showed it exactly: thrust lost by motor 1 [%], a weight
-    under motor 1 [g], a change of the mass [%]."""
+    """Smallest identified size of each cause, if the flights showed it exactly.
+
+    The causes are thrust lost by motor 1 [%], a weight under motor 1 [g] and a change of the mass [%].
+    """
     lever = body.motors / np.mean(body.motors**2, axis=0)
     known = hypotheses_of(body)
     under = 1.0 + lever @ body.motors[0]
@@ -68,9 +70,11 @@ def smallest(normal: Normal, sd: Mapping[str, float], body: Body) -> dict[str, d
 
 def held_out(trims: Sequence[Trim], normal: Normal, body: Body, findings: Sequence[Mapping[str, Any]]
              ) -> dict[str, Any] | None:
-    """Prediction of each flight's motors from the normal flights, and from these with the cause as estimated from the
-    other flights of its folder: root mean square error of the thrust command of a motor [%]. floor: that of a normal
-    flight."""
+    """Root mean square error of the predicted thrust command of a motor [%], on flights left out.
+
+    Each flight is predicted from the normal flights alone, and with the cause as estimated from the other flights of
+    its folder. ``floor``: the error of a normal flight.
+    """
     if not findings or len(trims) < 2:
         return None
     names = set(findings[0]["causes"])

@@ -1,4 +1,4 @@
-"""A simulator of the normal vehicle from its trim, and the same with what was named: only what hover tells."""
+"""A simulator of the normal vehicle from its trim, and the same with the identified cause, as far as hover shows it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def simulator_of(normal: Normal, body: Body) -> Model | None:
 
 def believed_by(simulator: Model) -> Normal | None:
     """The trim a simulator would hover with; None without a thrust map of the motor voltage. Its spread is that of
-    flights of one vehicle, and that between vehicles beside it where it holds all motors to be alike."""
+    flights of one vehicle. The spread between vehicles is added if the simulator treats all motors as equal."""
     terms = simulator.as_dict()
     if "thrust_voltage" not in terms:
         return None

@@ -1,10 +1,10 @@
 """Which cause explains a change of the trim: likelihood of each hypothesis, averaged over the sizes it may have.
 
-The mean trim of the flights asked about, minus that of the normal flights, is a draw from a Student distribution around
-what a hypothesis predicts. Its spread is that between normal flights, which differ more from day to day than their own
-rows say; flights flown in a row share the day, so many of them count as one. A few normal flights tell their spread
-badly: it is taken together with what flights of other vehicles of the type show (PRIOR), as two estimates with their
-degrees of freedom. A hypothesis with more freedom spreads its prior thinner and so pays for it.
+The mean trim of the examined flights, minus that of the normal flights, follows a Student distribution around the
+prediction of a hypothesis. Its spread is that between normal flights, which differ more from day to day than their rows
+show. Flights flown in a row share the day, so many of them count as one. A few normal flights determine their spread
+poorly. It is therefore combined with the spread of flights of other vehicles of the type (PRIOR), as two estimates with
+their degrees of freedom. A hypothesis with more freedom spreads its prior thinner and so pays for it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What may have been done to a vehicle, one cause a file, in a person's words; a new one is a file and a line here."""
+"""Possible changes of a vehicle, one cause a file, in plain words. A new cause is a file and a line here."""
 
 from . import battery, mass, other_vehicle, propeller, slung, tape, weight, wind
 from .cause import Body, Cause, Hypothesis

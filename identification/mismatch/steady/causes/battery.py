@@ -1,6 +1,6 @@
-"""The battery's voltage does to the thrust what the simulator does not know: all four motors change alike.
+"""The battery's voltage changes the thrust in a way that the simulator omits: all four motors change alike.
 
-From the trim alone it cannot be told from another mass; flights at other states of charge would tell.
+From the trim alone it is indistinguishable from another mass; flights at other states of charge would distinguish them.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ Sizes = Mapping[str, tuple[float, float, float]]
 
 @dataclass(frozen=True)
 class Body:
-    """What is known of the vehicle: motors (4, 2) m, x forward and y left of each; mass_kg; height_m it flew at;
+    """Known properties of the vehicle: motors (4, 2) m, x forward and y left of each; mass_kg; height_m it flew at;
     ``swing``: a periodic force that the flights show, or None; ``absent``: causes that the user knows it is not."""
 
     motors: np.ndarray
@@ -59,10 +59,13 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class Cause:
-    """name as in verdict.json; term of the vocabulary that models it, or None; prior: how often, before any flight was
-    seen, it is what changed a vehicle; make(body) -> hypotheses; say(sizes, motors) -> the sentence's beginning,
-    sizes {name: (value, low, high)}; short: a few words; special_of: a cause of which it is a special case, and which
-    is named with it: a weight in the very middle is another mass."""
+    """One possible cause of a change of the trim.
+
+    ``name``: as in verdict.json. ``term``: of the vocabulary, models the cause; or None. ``prior``: probability, before
+    any flight was seen, that this cause changed a vehicle. ``make``: (body) -> hypotheses. ``say``: (sizes, motors) ->
+    the sentence's beginning, with sizes {name: (value, low, high)}. ``short``: a few words. ``special_of``: a cause of
+    which it is a special case, and which is reported with it. For example, a weight in the very middle is another mass.
+    """
 
     name: str
     term: str | None

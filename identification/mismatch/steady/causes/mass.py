@@ -1,4 +1,4 @@
-"""All four motors are asked for alike more, or less: the vehicle weighs something else in its middle."""
+"""Another mass in the middle of the vehicle: all four motors have equally higher, or lower, commands."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Another vehicle: every motor has a gain of its own, and its thrust stands at another angle to its sensors."""
+"""Another vehicle: every motor has a different gain, and its thrust has a different angle to its sensors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A damaged propeller: it gives less thrust at the same voltage, so its motor alone is asked for more.
+"""A damaged propeller: it gives less thrust at the same voltage, so its motor alone has a higher command.
 
 The thrusts that balance the vehicle stay what they were; of the commands only that motor's changes. A weight cannot do
 that: its moment falls on pairs of motors, never on the yaw balance.

@@ -1,8 +1,8 @@
 """A load on a string: in the mean a weight at the place of the knot, and a pendulum that pulls to and fro.
 
-Its mode is sqrt(g / L (1 + m / M)) / (2 pi) with L the length of the string, m its mass, M the vehicle's. Without a
-swing in the flights it is a weight; a string longer than the flight is high leaves the load on the ground, where it
-neither swings nor weighs in full.
+Its mode is sqrt(g / L (1 + m / M)) / (2 pi). L is the length of the string, m the mass of the load, M that of the
+vehicle. Without a swing in the flights it is a weight. If the string is longer than the flight is high, the load stays
+on the ground, where it neither swings nor weighs in full.
 """
 
 from __future__ import annotations

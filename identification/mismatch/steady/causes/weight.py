@@ -2,9 +2,10 @@
 
 A mass m at (x, y) needs a force m g at that place. Four motors give it without turning the vehicle about z by
 
-    dT_i = m g / 4 (1 + x x_i / X^2 + y y_i / Y^2),    X^2, Y^2 mean squares of the motors' places x_i, y_i,
+    dT_i = m g / 4 (1 + x x_i / X^2 + y y_i / Y^2)
 
-so that all three numbers follow from the four motors, and a moment without a weight to it is refused.
+X^2 and Y^2 are the mean squares of the motors' positions x_i, y_i. So all three numbers follow from the four motors. A
+moment without a weight is rejected.
 """
 
 from __future__ import annotations
