@@ -21,7 +21,7 @@ OFFSET_SD_S = number("imu.delayed_pose_ekf.offset_sd_s")
 
 class DelayedPoseEkf(DragMatrixEkf):
     """The filter that finds out how late poses come: the offset is a state. Ignores ``metadata["pose_delay_s"]``. Late
-    poses and early stamps of the vehicle look alike: it takes the vehicle's stamps for right."""
+    poses and early timestamps of the vehicle look alike: it takes the vehicle's timestamps for right."""
 
     name = "delayed_pose_ekf"
     settings: ClassVar = {**DragMatrixEkf.settings, "late_sd": OFFSET_SD_S, "late_moves": 0.0}

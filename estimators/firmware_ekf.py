@@ -90,7 +90,7 @@ class _Clock:
         self.rows = np.round((time_s - time_s[0]) * 1000.0).astype(np.int64)
 
     def next(self, time_s: np.ndarray) -> np.ndarray:
-        """The first tick (k,) not before the stamps (k,): one after a row is at a later tick than that row."""
+        """The first tick (k,) not before the timestamps (k,): one after a row is at a later tick than that row."""
         begin, end = self.time_s[0], self.time_s[-1]
         outside = np.minimum(time_s - begin, 0.0) + np.maximum(time_s - end, 0.0)
         found = np.interp(time_s, self.time_s, self.rows) + 1000.0 * outside

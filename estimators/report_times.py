@@ -9,7 +9,8 @@ from nanobench_tools.flight import Flight
 
 
 def densest_stamps(flight: Flight) -> np.ndarray:
-    """Stamps (n,) s of the vehicle's stream with most rows, each once; InputError if it has none or no pose was given.
+    """Timestamps (n,) s of the vehicle's stream with most rows, each once; InputError if it has none or no pose was
+    given.
 
     Motion capture does not count: its stream holds only the poses that were given.
     """

@@ -310,7 +310,7 @@ class Flight:
 
     @property
     def span(self) -> Span:
-        """From the first to the last stamp of any stream."""
+        """From the first to the last timestamp of any stream."""
         spans = [s.span for s in self.streams.values() if len(s)]
         return Span(min(s.start_s for s in spans), max(s.end_s for s in spans)) if spans else Span(0.0, 0.0)
 

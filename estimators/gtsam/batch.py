@@ -29,7 +29,7 @@ from .state_path import UP, Path, State, steps_of
 NOISE = ImuNoise(gyro_rad_s_sqrtHz=TUNED["gyro_noise"], acc_m_s2_sqrtHz=TUNED["acc_noise"],
                  vertical_m_s2_sqrtHz=TUNED["vertical_noise"], gyro_walk_rad_s2_sqrtHz=TUNED["gyro_walk"],
                  acc_walk_m_s3_sqrtHz=TUNED["acc_walk"], stamp_s_sqrtHz=TUNED["stamp"])
-"""That of ``drag_ekf``, in flight, where the stamps' wander is distinguished: it counts as much as the signal
+"""That of ``drag_ekf``, in flight, where the timestamps' wander is distinguished: it counts as much as the signal
 changes."""
 
 CLOCK_SD_S = number("smoothers.batch.clock_sd_s")
@@ -118,7 +118,8 @@ class GtsamBatch:
 
 
 class Poses:
-    """Poses as measurements of the nearest states; the velocity of ``start`` says what a late stamp makes of each."""
+    """Poses as measurements of the nearest states; the velocity of ``start`` says what a late timestamp makes of
+    each."""
 
     def __init__(self, problem: Problem, start: State) -> None:
         rows, time_s = problem.rows, problem.time_s

@@ -16,7 +16,7 @@ from nanobench_tools import so3
 from .state_path import State
 
 LATE, LATER = 3, 4
-"""Where the slow quantities hold how late stamps are, and by how much the poses' attitude is later still."""
+"""Where the slow quantities hold how late timestamps are, and by how much the poses' attitude is later still."""
 
 
 def covariance_of(net: Any, keys: list[list[int]], sizes: list[int]) -> np.ndarray:

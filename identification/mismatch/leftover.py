@@ -29,7 +29,7 @@ FAST_HZ = setting("mismatch.leftover.fast_hz")
 STRONG_M_S2 = number("mismatch.leftover.strong_m_s2")
 PEAK_P = number("mismatch.leftover.peak_p")
 LATE_S = ROW_S
-"""Re-timed stamps are off by less; a path flown in circles then leaves a force that goes round as often."""
+"""Re-timed timestamps are off by less; a path flown in circles then leaves a force that goes round as often."""
 BURST_SD = number("mismatch.leftover.burst_sd")
 BURSTS = count("mismatch.leftover.bursts")
 BURST_ROWS = count("mismatch.leftover.burst_rows")

@@ -74,5 +74,5 @@ def trust(held: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
 
 
 def _times(found: Study) -> list[np.ndarray]:
-    """Stamps of the training flights in the order of their held-out errors."""
+    """Timestamps of the training flights in the order of their held-out errors."""
     return [f.time_s for _, rest in found.folds for f in rest if isinstance(f, Flown)]

@@ -63,14 +63,14 @@ class Audit(Result):
 
     def retimed(self, time_offset: TimeOffset | None) -> Audit:
         """The verdict on the flight with ``time_offset`` taken out: spans of faults in moved streams grow by what
-        the stamps moved."""
+        the timestamps moved."""
         if time_offset is None:
             return self
         lateness = np.append(time_offset.offset_s, time_offset.constant_s)
         early, late = float(lateness.max()), float(lateness.min())
         faults = tuple(f if f.stream == "mocap" else replace(f, start_s=f.start_s - early, end_s=f.end_s - late)
                        for f in self.faults)
-        # the end of a log still reaches the end of the recording, wherever its stamps went
+        # the end of a log still reaches the end of the recording, wherever its timestamps went
         faults = tuple(replace(f, end_s=max(f.end_s, self.span.end_s)) if f.kind in log_ended() else f
                        for f in faults)
         cuts = merge_spans(f.span for f in faults if _cuts_every_use(f))

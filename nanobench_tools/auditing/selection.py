@@ -11,7 +11,7 @@ from ..flight import Flight
 from .faults.copy import fingerprint
 
 SAME_STAMP_S = 2e-6
-"""Unix stamps near 2e9 s have steps of 2.4e-7 s as floats; rows are at least 1e-3 s apart."""
+"""Unix timestamps near 2e9 s have steps of 2.4e-7 s as floats; rows are at least 1e-3 s apart."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def apart(train: Sequence[Flight], test: Sequence[Flight]) -> tuple[list[Flight]
 
 
 def _rows(flight: Flight) -> tuple[np.ndarray, np.ndarray]:
-    """(absolute stamps (n,), positions (n, 3)) of motion capture; empty without its positions."""
+    """(absolute timestamps (n,), positions (n, 3)) of motion capture; empty without its positions."""
     if "mocap" not in flight or not all(name in flight["mocap"] for name in ("px", "py", "pz")):
         return np.empty(0), np.empty((0, 3))
     mocap = flight["mocap"]

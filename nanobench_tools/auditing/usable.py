@@ -41,7 +41,7 @@ def missing(flight: Flight, needed: Needed) -> str | None:
 
 
 def stuck_clock(flight: Flight, needed: Needed) -> str | None:
-    """In words, that most rows of a needed stream carry the stamp of another row; None if no stream is so.
+    """In words, that most rows of a needed stream carry the timestamp of another row; None if no stream is so.
 
     Streams of one table share its time column: the first that is found is named.
     """
@@ -62,10 +62,10 @@ def usable(flights: Iterable[Flight], audits: Iterable[str], needed: Needed) -> 
 
 
 def tidy(flight: Flight, needed: Needed) -> Flight:
-    """The flight without rows of the needed streams that hold no number or whose stamps do not rise.
+    """The flight without rows of the needed streams that hold no number or whose timestamps do not rise.
 
-    Interpolation needs rising stamps; such rows are faults of the recording, which the audit lists. The flight itself
-    without any.
+    Interpolation needs rising timestamps; such rows are faults of the recording, which the audit lists. The flight
+    itself without any.
     """
     streams = {}
     for name in {part for names in needed for part in names.split("|")} & set(flight.streams):
@@ -76,7 +76,7 @@ def tidy(flight: Flight, needed: Needed) -> Flight:
 
 
 def _good_rows(stream: Stream) -> np.ndarray:
-    """(n,) bool: all values finite, and later than every finite stamp before."""
+    """(n,) bool: all values finite, and later than every finite timestamp before."""
     time_s = np.where(np.isfinite(stream.time_s), stream.time_s, -np.inf)
     before = np.concatenate([[-np.inf], np.maximum.accumulate(time_s)[:-1]])
     return np.asarray(np.isfinite(stream.values).all(axis=1) & (time_s > before))

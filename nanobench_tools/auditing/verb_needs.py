@@ -13,7 +13,7 @@ LOGGED: Needed = {"mocap": POSE, "estimator": ("x", "y", "z"), "attitude_qw|atti
 INERTIAL: Needed = {"mocap": POSE, "imu": ("acc_x", "acc_y", "acc_z", "gyro_x", "gyro_y", "gyro_z")}
 """Of dead reckoning."""
 STAMPED: Needed = {"mocap": POSE, "imu|estimator|attitude_qw|attitude|motor": ()}
-"""Of a method that only extends the last pose: stamps of the vehicle to report at."""
+"""Of a method that only extends the last pose: timestamps of the vehicle to report at."""
 ESTIMATE: Needed = {"mocap": MOCAP, "estimator": ("x", "y", "z"), "motor": ("m1",), "attitude_qw|attitude": ()}
 """Of the published protocol."""
 SYSID: Needed = {"mocap": MOCAP, "imu": ("gyro_x", "gyro_y", "gyro_z"), "motor": MOTORS, "battery": ("vbat",),

@@ -1,4 +1,4 @@
-"""Truth at an estimator's own stamps: interpolated, never extrapolated, never across a hole in the truth.
+"""Truth at an estimator's own timestamps: interpolated, never extrapolated, never across a hole in the truth.
 
 Moving the truth to the estimate (not the other way) keeps the estimate as it was given. Rows are not matched to a
 nearest neighbour, so no truth row can be used twice.
@@ -21,9 +21,9 @@ SAME_STAMP_S = 1e-6
 
 
 def snap(time_s: np.ndarray, truth_time_s: np.ndarray) -> np.ndarray:
-    """``time_s`` (n,) with stamps within SAME_STAMP_S of a truth row set to that row's stamp exactly.
+    """``time_s`` (n,) with timestamps within SAME_STAMP_S of a truth row set to that row's timestamp exactly.
 
-    Stamps that went through Unix time and text otherwise miss the first and last row by rounding.
+    Timestamps that went through Unix time and text otherwise miss the first and last row by rounding.
     """
     at, t = np.asarray(time_s, float), np.asarray(truth_time_s, float)
     after = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
@@ -33,8 +33,8 @@ def snap(time_s: np.ndarray, truth_time_s: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Association:
-    """Truth at the kept stamps: kept (n,) bool over the estimate's rows; ``position_m`` (k, 3) m; ``quaternion`` (k,
-    4); ``velocity_m_s`` (k, 3) m/s or None; dropped = number of stamps left out."""
+    """Truth at the kept timestamps: kept (n,) bool over the estimate's rows; ``position_m`` (k, 3) m; ``quaternion``
+    (k, 4); ``velocity_m_s`` (k, 3) m/s or None; dropped = number of timestamps left out."""
 
     kept: np.ndarray
     position_m: np.ndarray
@@ -50,8 +50,8 @@ def associate(time_s: np.ndarray, truth_time_s: np.ndarray, position_m: np.ndarr
               velocity_m_s: np.ndarray | None = None, maximum_gap_s: float = MAXIMUM_GAP_S) -> Association:
     """Truth at ``time_s`` (n,) s: position and velocity linear, attitude by slerp between neighbouring rows.
 
-    truth_time_s (m,) s, strictly rising; position_m (m, 3) m; quaternion (m, 4); velocity_m_s (m, 3) m/s or None.
-    A stamp equal to a truth row gets that row exactly. Stamps outside the truth's span, inside a hole longer than
+    truth_time_s (m,) s, strictly rising; position_m (m, 3) m; quaternion (m, 4); velocity_m_s (m, 3) m/s or None. A
+    timestamp equal to a truth row gets that row exactly. Timestamps outside the truth's span, inside a hole longer than
     maximum_gap_s, or not finite are dropped. Raises ValueError if the truth is not strictly rising.
     """
     at, t = np.asarray(time_s, float), np.asarray(truth_time_s, float)
@@ -65,7 +65,7 @@ def associate(time_s: np.ndarray, truth_time_s: np.ndarray, position_m: np.ndarr
     def linear(values: np.ndarray) -> np.ndarray:
         return np.stack([np.interp(inside, t, column) for column in np.asarray(values, float).T], axis=1)
 
-    if np.array_equal(inside, t):  # the same stamps: nothing to interpolate
+    if np.array_equal(inside, t):  # the same timestamps: nothing to interpolate
         attitude = np.array(quaternion, float)
     else:
         attitude = so3.interpolate(t, quaternion, inside)

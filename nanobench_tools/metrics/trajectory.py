@@ -1,6 +1,6 @@
 """Errors of an estimated path against the true one: absolute (ATE), relative over path length (RTE), velocity, drift.
 
-All arrays are rows at the same times; put an estimator's own stamps onto the truth with ``association`` first.
+All arrays are rows at the same times; put an estimator's own timestamps onto the truth with ``association`` first.
 Sources: Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems" (2012) for ATE and RPE;
 Geiger et al., KITTI (2012) for errors per path length.
 """

@@ -17,7 +17,7 @@ def total(spans: Iterable[Iterable[float]] | None) -> float | None:
 
 
 def span_of(flight: Mapping[str, Any]) -> Span | None:
-    """First to last stamp; from the ends of everything known when the entry does not say."""
+    """First to last timestamp; from the ends of everything known when the entry does not say."""
     if flight.get("span"):
         return Span(*flight["span"])
     times = [t for s in [*(flight.get("clean") or []), *(flight.get("airborne") or [])] for t in s]

@@ -150,7 +150,7 @@ Series = tuple[list[Panel], list[str]]
 
 
 def position_error(flight: Flight, audit: Mapping[str, Any], airborne: Sequence[Span]) -> Series:
-    """Distance [mm] between the onboard estimate and motion capture at the same stamps, not aligned."""
+    """Distance [mm] between the onboard estimate and motion capture at the same timestamps, not aligned."""
     if not _has(flight, "mocap", "px") or not _has(flight, "estimator", "x"):
         return [], []
     truth, source = _rising(flight["mocap"]), flight["estimator"]
@@ -161,7 +161,7 @@ def position_error(flight: Flight, audit: Mapping[str, Any], airborne: Sequence[
 
 
 def attitude_error(flight: Flight, audit: Mapping[str, Any], airborne: Sequence[Span]) -> Series:
-    """Angle [deg] between the onboard attitude and motion capture at the same stamps."""
+    """Angle [deg] between the onboard attitude and motion capture at the same timestamps."""
     if not _has(flight, "mocap", "qw") or not _has(flight, "attitude_qw", "qw"):
         return [], []
     truth, source = _rising(flight["mocap"]), flight["attitude_qw"]
@@ -234,7 +234,7 @@ def _has(flight: Flight, stream: str, column: str) -> bool:
 
 
 def _rising(stream: Stream) -> Stream:
-    """The rows at strictly rising stamps, so that they can be interpolated."""
+    """The rows at strictly rising timestamps, so that they can be interpolated."""
     time_s = stream.time_s
     return stream.rows(np.r_[True, time_s[1:] > np.maximum.accumulate(time_s)[:-1]])
 

@@ -1,4 +1,4 @@
-"""The clock of the vehicle's messages: which stamp a packet gets. Positive error = the stamp is late."""
+"""The clock of the vehicle's messages: which timestamp a packet gets. Positive error = the timestamp is late."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class ClockError:
     wander_mean_s: float = 0.0
 
     def late_s(self, time_s: np.ndarray) -> np.ndarray:
-        """Error (n,) s of the stamps of true times (n,)."""
+        """Error (n,) s of the timestamps of true times (n,)."""
         t = np.asarray(time_s, float)
         since = t[:, None] - self.jumps_s[:, 0]
         rise = np.clip(since / WANDER_RISE_S, 0.0, 1.0)
@@ -35,7 +35,8 @@ class ClockError:
         return np.asarray(self.offset_s + self.drift * t + wander.sum(axis=1) - self.wander_mean_s)
 
     def stamp(self, time_s: np.ndarray) -> np.ndarray:
-        """Stamps (n,) of true times (n,), rising: a host never sees packets of one log block overtake each other."""
+        """Timestamps (n,) of true times (n,), rising: a host never sees packets of one log block overtake each
+        other."""
         t = np.asarray(time_s, float)
         step = SMALLEST_STEP_S * np.arange(len(t))
         return np.asarray(np.maximum.accumulate(t + self.late_s(t) - step) + step)

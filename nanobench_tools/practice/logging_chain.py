@@ -1,4 +1,5 @@
-"""From what the vehicle and the room saw to a recording: packets, losses, late stamps, interpolation, motion capture.
+"""From what the vehicle and the room saw to a recording: packets, losses, late timestamps, interpolation, motion
+capture.
 
 The published files were made so: every message of the vehicle is sent at 100 Hz, and some packets are lost. The rest
 get a timestamp on arrival. All columns are then interpolated linearly onto the frames of the motion capture. The last

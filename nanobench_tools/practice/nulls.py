@@ -1,6 +1,7 @@
 """Known errors put into recordings, and how much of each a clock takes for time: the null tests of re-timing.
 
-An estimator's error along the track must survive a clock that judges the estimator; an error of the stamps must not.
+An estimator's error along the track must survive a clock that judges the estimator; an error of the timestamps must
+not.
 """
 
 from __future__ import annotations
@@ -81,7 +82,7 @@ def with_track_error(flight: Flight, frequency_hz: float | str, amplitude_s: flo
 
 
 def with_wander(flight: Flight, sd_s: float, seed: int) -> tuple[Flight, ClockError]:
-    """``flight`` whose stamps wander by ``sd_s`` more, in a sawtooth as delivery makes it, put back on its rows."""
+    """``flight`` whose timestamps wander by ``sd_s`` more, in a sawtooth as delivery makes it, put back on its rows."""
     clock = draw_clock(np.random.default_rng(seed), float(flight["mocap"].time_s[-1]) + 2.0, wander_sd_s=sd_s)
     moved = {name: stream if name == "mocap" or len(stream) < 2 else _on_rows(stream, clock.stamp(stream.time_s))
              for name, stream in flight.streams.items()}
@@ -128,7 +129,7 @@ def wander_errors(context: Context, clock: ClockError, offset_before: TimeOffset
     truth = _truth(context)
     t = offset_after.time_s
     sent = np.arange(t[0] - 1.0, t[-1] + 1.0, 0.001)
-    was = np.interp(t, clock.stamp(sent), sent)  # the stamp that this row had before
+    was = np.interp(t, clock.stamp(sent), sent)  # the timestamp that this row had before
     speed = np.linalg.norm(_at(truth, truth.velocity_m_s, was), axis=1)
     use = (speed > SLOWEST_M_S) & (t > t[0] + 2.0 * MARGIN_S) & (t < t[-1] - 2.0 * MARGIN_S)
     injected = (t - was) * speed

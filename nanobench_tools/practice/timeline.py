@@ -25,7 +25,8 @@ LANDED_HEIGHT_M = 0.08
 """Height the landing planner ends at."""
 GROUND_AFTER_S = 3.2
 LEAD_S = 0.3
-"""The messages begin this long before the first row, so that late stamps leave no row without a packet before it."""
+"""The messages begin this long before the first row, so that late timestamps leave no row without a packet before
+it."""
 
 OFF, TAKEOFF, HOVER, PATH, LANDING = range(5)
 

@@ -156,7 +156,7 @@ def replays(filters: Filters, recorded: Case, retimed: Case) -> dict[str, dict[s
 
 
 def _apart(case: Case, a: Estimate, b: Estimate) -> float:
-    """RMS distance of two estimates in the scored spans [m], at the stamps of a."""
+    """RMS distance of two estimates in the scored spans [m], at the timestamps of a."""
     rows = inside(case.spans, a.time_s)
     other = np.stack([np.interp(a.time_s[rows], b.time_s, b.position_m[:, k]) for k in range(3)], axis=1)
     return rms(np.linalg.norm(a.position_m[rows] - other, axis=1))

@@ -31,7 +31,7 @@ KINDS = {"": "error_m", "horizontal_": "horizontal_m", "vertical_": "vertical_m"
 LEAST_PATH_M = 0.1
 """A drift in per cent says nothing of a vehicle that hovers."""
 NEAREST_S = 0.05
-"""An estimate counts at the end of a window if it has a stamp within this of it."""
+"""An estimate counts at the end of a window if it has a timestamp within this of it."""
 INSIDE_3_SIGMA = 14.16
 """Squared normalised error [1] that 99.73 % of three-dimensional Gaussian errors stay below (chi-square)."""
 
@@ -93,7 +93,8 @@ def score(case: Case, method: Estimator) -> BlackoutScore:
 
 
 def _inside(estimate: Estimate, end_s: float, off_m: np.ndarray) -> bool | None:
-    """Whether an error (3,) m lies within three standard deviations of what the estimate says at its nearest stamp."""
+    """Whether an error (3,) m lies within three standard deviations of what the estimate says at its nearest
+    timestamp."""
     if estimate.covariance is None:
         return None
     stated = np.asarray(estimate.covariance, float)[int(np.argmin(np.abs(estimate.time_s - end_s))), :3, :3]

@@ -19,8 +19,8 @@ Metrics = Mapping[str, float | None]
 
 @dataclass(frozen=True, repr=False)
 class Scored(Result):
-    """One estimator on one recording: over so many ``rows``; ``dropped`` counts stamps without truth; trajectory (k, 8)
-    the scored rows: t [s from the first row], position [m], quaternion (None: written elsewhere)."""
+    """One estimator on one recording: over so many ``rows``; ``dropped`` counts timestamps without truth; trajectory
+    (k, 8) the scored rows: t [s from the first row], position [m], quaternion (None: written elsewhere)."""
 
     metrics: Metrics
     rows: int

@@ -1,6 +1,6 @@
 """Sessions: recordings of one day's work, with one set of propellers, one calibration and one air.
 
-They are found from the recordings' own stamps. A session begins where a recording begins long after the one before.
+They are found from the recordings' own timestamps. A session begins where a recording begins long after the one before.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ..settings import number
 SESSION_GAP_S = number("protocols.sessions.session_gap_s")
 
 DATED_S = 946_684_800.0
-"""Unix time of the year 2000: a smaller stamp is of a clock that started with the vehicle, and no date."""
+"""Unix time of the year 2000: a smaller timestamp is of a clock that started with the vehicle, and no date."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Sessions:
 
     @classmethod
     def at(cls, stamps_s: Sequence[float]) -> Sessions:
-        """Of recordings that began at these stamps."""
+        """Of recordings that began at these timestamps."""
         known = np.unique([s for s in stamps_s if dated(s)])
         begins = [b for a, b in pairwise(known) if b - a > SESSION_GAP_S]
         return cls((float(known[0]), *map(float, begins)) if len(known) else ())
@@ -50,7 +50,7 @@ class Sessions:
         return dict(zip([flight.name for flight in found], self.labels(found).tolist(), strict=True))
 
     def labels_at(self, stamps_s: Sequence[float]) -> np.ndarray:
-        """``labels`` of recordings that began at these stamps."""
+        """``labels`` of recordings that began at these timestamps."""
         stamps = np.array([s if dated(s) else -np.inf for s in stamps_s])
         return np.searchsorted(np.array(self.begins_s), stamps, side="right") - 1
 
@@ -61,7 +61,7 @@ def stamp_of(recording: Any) -> float:
 
 
 def dated(stamp_s: float) -> bool:
-    """Whether a stamp is a date rather than the time since a vehicle started."""
+    """Whether a timestamp is a date rather than the time since a vehicle started."""
     return bool(np.isfinite(stamp_s)) and stamp_s >= DATED_S
 
 

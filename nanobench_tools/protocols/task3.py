@@ -64,8 +64,8 @@ OTHER_WORLD_RAD = np.radians(5.0)
 
 COVERED = 0.95
 NEAR_S = 0.1
-"""A truth stamp is covered if the estimate has a stamp within NEAR_S. What covers less than COVERED is scored there and
-ranked against no other, because errors grow with time."""
+"""A truth timestamp is covered if the estimate has a timestamp within NEAR_S. What covers less than COVERED is scored
+there and ranked against no other, because errors grow with time."""
 FEWEST_POSES = 10
 """An alignment has six degrees of freedom: with 10 poses (30 numbers) it hides a tenth of a random error."""
 ROUNDING = 1e-12
@@ -230,7 +230,8 @@ def checked(estimate: Estimate, method: str, place: str) -> Estimate:
 
 
 def covered(time_s: np.ndarray, truth_time_s: np.ndarray) -> float:
-    """Part of the stamps (m,) of the truth that have one of ``time_s`` (n,), rising, within NEAR_S; 1 without truth."""
+    """Part of the timestamps (m,) of the truth that have one of ``time_s`` (n,), rising, within NEAR_S; 1 without
+    truth."""
     if not len(time_s) or not len(truth_time_s):
         return float(not len(truth_time_s))
     after = np.clip(np.searchsorted(time_s, truth_time_s), 0, len(time_s) - 1)
@@ -239,7 +240,7 @@ def covered(time_s: np.ndarray, truth_time_s: np.ndarray) -> float:
 
 
 def stretches(time_s: np.ndarray) -> tuple[Span, ...]:
-    """The spans of rising stamps (n,) s without a hole: longer than 2 NEAR_S and three usual steps."""
+    """The spans of rising timestamps (n,) s without a hole: longer than 2 NEAR_S and three usual steps."""
     steps = np.diff(time_s)
     longest = max(2.0 * NEAR_S, 3.0 * float(np.median(steps))) if len(steps) else 0.0
     edges = [-1, *np.flatnonzero(steps > longest).tolist(), len(time_s) - 1]
@@ -274,7 +275,7 @@ def _scored_rows(case: Case, estimate: Estimate, method: Estimator,
 
 
 def _apart_in_time(case: Case, estimate: Estimate, rows: np.ndarray) -> str:
-    """How a trajectory and the scored part of the flight lie in time, where too few of its stamps fall into it."""
+    """How a trajectory and the scored part of the flight lie in time, where too few of its timestamps fall into it."""
     zero, n = case.flight.epoch_s, int(np.sum(rows))
     runs = f"it runs from {zero + estimate.time_s[0]:.3f} to {zero + estimate.time_s[-1]:.3f} s"
     return (f"{n} of {len(rows)} timestamps lie in the scored part of the flight, {FEWEST_POSES} are needed: {runs}, "
@@ -337,7 +338,8 @@ def world_of(estimate_m: np.ndarray, truth_m: np.ndarray) -> Alignment | None:
 
 
 def _mocap_euler(flight: Flight, at_s: np.ndarray) -> np.ndarray:
-    """Roll, pitch, yaw of the truth (k, 3) rad; the recording's own columns where it has them and the stamps agree."""
+    """Roll, pitch, yaw of the truth (k, 3) rad; the recording's own columns where it has them and the timestamps
+    agree."""
     mocap = flight["mocap"]
     names = ("roll", "pitch", "yaw")
     at = np.searchsorted(mocap.time_s, at_s)

@@ -47,7 +47,7 @@ def write_missing(done: Iterable[tuple[Estimator, Case, Any]], protocol: str, fo
 
 
 def write_truths(cases: Sequence[Case], methods: Sequence[str], folder: Path) -> None:
-    """Truth of every flight at all stamps at which a method was scored, to ``folder``/truth/<flight>.tum."""
+    """Truth of every flight at all timestamps at which a method was scored, to ``folder``/truth/<flight>.tum."""
     for case in {case.flight.name: case for case in cases}.values():
         mocap = case.flight["mocap"]
         files = [path for name in dict.fromkeys(methods) if (path := _path(folder, name, case)).exists()]

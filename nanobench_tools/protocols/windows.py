@@ -38,7 +38,7 @@ TRUTHS = {"onboard": "attitude_qw", "mocap": "mocap"}
 
 
 def rows_at_100_hz(flight: Flight, spans: Sequence[Span]) -> tuple[np.ndarray, list[int]]:
-    """Stamps (n,) s of the rows inside ``spans``, and the lengths of the stretches they fall into.
+    """Timestamps (n,) s of the rows inside ``spans``, and the lengths of the stretches they fall into.
 
     The motion capture's own rows where they come at 100 Hz, else a 10 ms grid over each span.
     """
@@ -62,7 +62,7 @@ def _pose(flight: Flight) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _rotations_at(stream: Stream, time_s: np.ndarray) -> np.ndarray:
-    """(n, 4) quaternions of a stream at ``time_s``: its own rows where the stamps are the same, else slerp."""
+    """(n, 4) quaternions of a stream at ``time_s``: its own rows where the timestamps are the same, else slerp."""
     quaternion = stream["qx", "qy", "qz", "qw"]
     rows = np.minimum(np.searchsorted(stream.time_s, time_s), len(stream) - 1)
     if np.array_equal(stream.time_s[rows], time_s):
@@ -118,7 +118,7 @@ def cut_windows(flight: Flight, spans: Sequence[Span], truth: str, past: bool = 
 
 
 def start_times(flight: Flight, spans: Sequence[Span]) -> np.ndarray:
-    """(n,) s: stamps of the starts of all windows that ``cut_windows`` cuts."""
+    """(n,) s: timestamps of the starts of all windows that ``cut_windows`` cuts."""
     time_s, lengths = rows_at_100_hz(flight, spans)
     return np.asarray(time_s[window_starts(lengths, HORIZON, EVERY)])
 

@@ -145,7 +145,7 @@ def one_grid(flight: str, streams: Mapping[str, Sampled], rate_hz: float) -> pd.
 
 
 def rising(time_s: np.ndarray) -> np.ndarray:
-    """(n,) bool: stamps that are finite and later than every one before."""
+    """(n,) bool: timestamps that are finite and later than every one before."""
     time_s = np.where(np.isfinite(time_s), time_s, -np.inf)
     before = np.concatenate([[-np.inf], np.maximum.accumulate(time_s)[:-1]])
     return np.asarray(time_s > before)

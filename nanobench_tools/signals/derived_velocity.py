@@ -21,7 +21,7 @@ def has_velocity(flight: Flight) -> bool:
 def with_velocity(flight: Flight) -> Flight:
     """The flight with columns vx, vy, vz of ``mocap``, derived from px, py, pz; the flight itself where it has them.
 
-    Stamps have to rise. See ``velocity_of``.
+    Timestamps have to rise. See ``velocity_of``.
     """
     mocap = flight["mocap"]
     if has_velocity(flight):

@@ -10,7 +10,8 @@ from ..methods import Estimate
 
 
 class OnboardEkf:
-    """Position and velocity of the ``estimator`` stream, attitude of ``attitude_qw`` (else ``attitude``) at its stamps.
+    """Position and velocity of the ``estimator`` stream, attitude of ``attitude_qw`` (else ``attitude``) at its
+    timestamps.
 
     It was given the motion capture poses over radio, so it is no rival of a method that has to do without.
     """

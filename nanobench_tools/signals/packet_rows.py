@@ -1,7 +1,7 @@
 """Which rows of a stream can hold a measured value, and where the stream moves, holds or runs straight.
 
 A resampler interpolates between packets. Rows without a packet therefore lie on the chord of their neighbours in every
-column (the chord test of ``sources.interpolation``). Streams that keep their sensor's stamps have none.
+column (the chord test of ``sources.interpolation``). Streams that keep their sensor's timestamps have none.
 """
 
 from __future__ import annotations

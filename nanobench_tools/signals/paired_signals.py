@@ -80,7 +80,7 @@ def flying_rows(context: Context) -> np.ndarray:
 def on_grid(context: Context, name: str, quantities: tuple[str, ...],
             prepare: Callable[[np.ndarray], np.ndarray] = lambda v: v,
             shift_s: float = 0.0) -> tuple[np.ndarray, np.ndarray] | None:
-    """values (n, k) of a stream ``shift_s`` before the stamps of truth, linearly interpolated, and (n,) bool where
+    """values (n, k) of a stream ``shift_s`` before the timestamps of truth, linearly interpolated, and (n,) bool where
     they are true values."""
     truth = context.once(derivatives_of)
     stream = context.once(posed) if name == "mocap" else context.once(usable_streams).get(name)

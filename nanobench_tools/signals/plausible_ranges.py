@@ -62,7 +62,7 @@ def _alive(context: Context, name: str, quantities: tuple[str, ...]) -> np.ndarr
 
 def odd_axis(context: Context) -> WrongUnit | None:
     """The axis of the tracked position whose noise is of another size than that of the others; one tracker measures all
-    three alike. Stamps play no part."""
+    three alike. Timestamps play no part."""
     stream = context.flight.streams.get("mocap")
     if stream is None or not all(q in stream.quantities for q in POSITION):
         return None

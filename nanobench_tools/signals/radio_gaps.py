@@ -34,10 +34,10 @@ def drawn(flight: Flight) -> np.ndarray:
 
 
 def radio_gaps(flight: Flight) -> list[Span]:
-    """Spans between two packets that are further apart than packets are, on the stamps of the IMU.
+    """Spans between two packets that are further apart than packets are, on the timestamps of the IMU.
 
-    Meant for stamps as recorded, which are the receiver's: of a flight that was re-timed they are not. A row counts as
-    drawn where both streams say so. Empty for a log whose rows are packets, or without an IMU.
+    Meant for timestamps as recorded, which are the receiver's: of a flight that was re-timed they are not. A row counts
+    as drawn where both streams say so. Empty for a log whose rows are packets, or without an IMU.
     """
     if "imu" not in flight or len(flight["imu"]) < 3:
         return []

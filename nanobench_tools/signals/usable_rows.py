@@ -1,4 +1,4 @@
-"""The rows of each stream that can be worked with: stamps that are numbers and advance."""
+"""The rows of each stream that can be worked with: timestamps that are numbers and advance."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .context import Context
 
 
 def advancing(time_s: np.ndarray) -> np.ndarray:
-    """(n,) bool: finite stamps later than every stamp before them."""
+    """(n,) bool: finite timestamps later than every timestamp before them."""
     finite = np.isfinite(time_s)
     t = np.where(finite, time_s, -np.inf)
     latest = np.concatenate(([-np.inf], np.maximum.accumulate(t)[:-1])) if len(t) else t
@@ -17,8 +17,8 @@ def advancing(time_s: np.ndarray) -> np.ndarray:
 
 
 def usable_streams(context: Context) -> dict[str, Stream]:
-    """Every stream of the flight on strictly rising stamps; values may still be NaN."""
-    kept: dict[int, np.ndarray] = {}  # streams of one table share one array of stamps
+    """Every stream of the flight on strictly rising timestamps; values may still be NaN."""
+    kept: dict[int, np.ndarray] = {}  # streams of one table share one array of timestamps
     result = {}
     for name, stream in context.flight.streams.items():
         key = id(stream.time_s)
@@ -36,23 +36,24 @@ def runs(flags: np.ndarray) -> np.ndarray:
 
 
 def typical_step_s(time_s: np.ndarray) -> float:
-    """Median distance of stamps [s]; nan for fewer than two."""
+    """Median distance of timestamps [s]; nan for fewer than two."""
     return float(np.median(np.diff(time_s))) if len(time_s) > 1 else float("nan")
 
 
 def whole_span(context: Context) -> Span:
-    """From the first to the last stamp of any stream that is a number."""
+    """From the first to the last timestamp of any stream that is a number."""
     ends = [(float(s.time_s[0]), float(s.time_s[-1])) for s in context.once(usable_streams).values() if len(s)]
     return Span(min(a for a, _ in ends), max(b for _, b in ends)) if ends else Span(0.0, 0.0)
 
 
 def usual_step_s(time_s: np.ndarray) -> float:
-    """Distance of stamps that 95 % do not exceed [s]: ordinary where rows are irregular; nan for fewer than two."""
+    """Distance of timestamps that 95 % do not exceed [s]: ordinary where rows are irregular; nan for fewer than two."""
     return float(np.quantile(np.diff(time_s), 0.95)) if len(time_s) > 1 else float("nan")
 
 
 def tables(context: Context) -> list[tuple[str, np.ndarray]]:
-    """The different columns of stamps of a flight (finite ones, as they are): stream name, empty when it is shared."""
+    """The different columns of timestamps of a flight (finite ones, as they are): stream name, empty when it is
+    shared."""
     found: list[tuple[str, np.ndarray]] = []
     for name, stream in context.flight.streams.items():
         for i, (_, t) in enumerate(found):

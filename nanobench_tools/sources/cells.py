@@ -67,7 +67,7 @@ def read_grid(data: bytes, place: str, numeric: Collection[str] = (), time: str 
     """Parse a delimited text table with a header line.
 
     ``numeric`` are names that must hold numbers; other columns may hold text and are then only listed. The column
-    ``time`` may hold gigantic numbers (stamps in nanoseconds). Raises InputError at ``place`` when there is no
+    ``time`` may hold gigantic numbers (timestamps in nanoseconds). Raises InputError at ``place`` when there is no
     header, no row, or no line that fits the header.
     """
     table = open_table(data, place)

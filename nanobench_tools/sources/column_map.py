@@ -39,7 +39,7 @@ UNITS: dict[str, tuple[str, ...]] = {
 """SI unit of a quantity -> units a table may give it in."""
 
 MESSAGE_TIME = "header.stamp"
-"""A map of topics needs no time column: messages carry their own stamps."""
+"""A map of topics needs no time column: messages carry their own timestamps."""
 
 DATES = "iso8601"
 """Unit of a time column of dates: 2026-03-01T12:00:00.020Z."""

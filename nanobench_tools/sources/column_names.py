@@ -65,7 +65,8 @@ def words_of(column: str) -> tuple[list[str], str]:
 
 
 def meaning(column: str) -> tuple[str, str] | str:
-    """(stream, quantity) of a column by the words of its name, ("", "time") for stamps, or why it is none of them."""
+    """(stream, quantity) of a column by the words of its name, ("", "time") for timestamps, or why it is none of
+    them."""
     words, unit = words_of(column)
     while len(words) > 1 and words[-1] in _WANTED | _ESTIMATED | _MEASURED:  # x_ekf, roll_ref
         words = [words[-1], *words[:-1]]

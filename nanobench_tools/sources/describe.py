@@ -228,7 +228,7 @@ class _Fits:
 
 
 def _path_speed(time_s: np.ndarray, position: np.ndarray) -> float:
-    """Mean speed along the curve, from chords of 0.2 s so that jitter of the stamps does not lengthen it [m/s]."""
+    """Mean speed along the curve, from chords of 0.2 s so that jitter of the timestamps does not lengthen it [m/s]."""
     return float(np.median(np.linalg.norm(position[4:] - position[:-4], axis=1) / (time_s[4:] - time_s[:-4])))
 
 

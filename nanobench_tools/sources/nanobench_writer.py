@@ -60,7 +60,7 @@ def sheet_path(path: Path) -> Path:
 def write_nanobench(flight: Flight, path: str | Path) -> Path:
     """Write CSV (``.xz`` and ``.gz`` are packed) and sheet; returns the path of the CSV.
 
-    Rows are the stamps of the motion capture (else of the stream with the most rows). Streams with other timestamps
+    Rows are the timestamps of the motion capture (else of the stream with the most rows). Streams with other timestamps
     are interpolated linearly onto them, as the format does, and left empty outside their span. Quaternions keep the
     sign of the sample before and unit length. All 52 columns are named, by which the file is known again; those of
     which the flight has nothing are empty. Reading the file again gives the same numbers to print rounding.

@@ -138,8 +138,8 @@ def choose_sheet(sheets: Iterable[Sheet], path: Path, time_unix_s: np.ndarray,
                  rows: int | None) -> tuple[Sheet | None, bool]:
     """The sheet of a recording with these times (n,) [Unix s], and whether it is its own or that of a longer recording.
 
-    It belongs to the recording that starts in the second the sheet gives. A sheet without a start belongs to the CSV
-    in its folder. The middle 90 % of the rows must lie in the interval, so that single bad stamps do not matter. Among
+    It belongs to the recording that starts in the second the sheet gives. A sheet without a start belongs to the CSV in
+    its folder. The middle 90 % of the rows must lie in the interval, so that single bad timestamps do not matter. Among
     several the number of rows decides, then the later start; only then where the sheet lies.
     """
     if not len(time_unix_s):

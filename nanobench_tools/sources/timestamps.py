@@ -1,4 +1,4 @@
-"""Whether stamps can be seconds: a file in another unit must not be read as one that lasts for hours, or years."""
+"""Whether timestamps can be seconds: a file in another unit must not be read as one that lasts for hours, or years."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An estimate that another program made: one TUM trajectory file per flight, scored at its own stamps."""
+"""An estimate that another program made: one TUM trajectory file per flight, scored at its own timestamps."""
 
 from __future__ import annotations
 

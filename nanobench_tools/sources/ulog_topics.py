@@ -18,7 +18,7 @@ from .axes import EULER, QUATERNION, frame_of, in_our_axes
 from .known import Known, ecosystem
 
 FARTHEST_STAMP_S = 1e5
-"""A stamp further than this from the middle one of its topic is damage: no log lasts a day."""
+"""A timestamp further than this from the middle one of its topic is damage: no log lasts a day."""
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ MAGIC = 0xBC
 FIXED_FREQUENCY = "fixedFrequency"
 DTYPES = {"B": "<u1", "b": "<i1", "H": "<u2", "h": "<i2", "I": "<u4", "i": "<i4", "f": "<f4", "e": "<f2"}
 TIMES = {1: ("<u4", 1e-3), 2: ("<u8", 1e-6)}
-"""Version -> type of the time stamp and its unit in seconds."""
+"""Version -> type of the timestamp and its unit in seconds."""
 
 ATTITUDE = ("qx", "qy", "qz", "qw")
 
@@ -46,7 +46,8 @@ class EventType:
 
 @dataclass(frozen=True)
 class Log:
-    """Records per event type as structured arrays (time in stamps), and what is wrong: kind of fault and a sentence."""
+    """Records per event type as structured arrays (time in timestamps), and what is wrong: kind of fault and a
+    sentence."""
 
     version: int
     types: dict[int, EventType]

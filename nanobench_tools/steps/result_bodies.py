@@ -57,7 +57,7 @@ class TakenOut(Result):
 
 @dataclass(frozen=True, repr=False)
 class EstimateBody(Result):
-    """clocks: by clock and flight what was taken out of its stamps, None for nothing; rankings: the best method by
+    """clocks: by clock and flight what was taken out of its timestamps, None for nothing; rankings: the best method by
     clock."""
 
     rows: Sequence[EstimateRow]

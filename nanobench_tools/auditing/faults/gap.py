@@ -1,10 +1,10 @@
 """gap: no sample of a stream for a while.
 
-Found in two ways. Resampled streams: rows on a straight chord that moves (chord test) between two packets further
-apart than 0.1 s. If the stream is slower than 50 Hz, the limit is 10 of its usual packet intervals (equal readings
-hide packets). Streams with separate stamps: stamps that far apart. For the motion capture: frames further apart than
-0.05 s (single frames are lost ordinarily, 20-40 ms). Where poses came irregularly, the limit is 2.5 times the step
-that 95 % of them do not exceed. When the rows of a table are missing, they are missing for each of its streams.
+Found in two ways. Resampled streams: rows on a straight chord that moves (chord test) between two packets further apart
+than 0.1 s. If the stream is slower than 50 Hz, the limit is 10 of its usual packet intervals (equal readings hide
+packets). Streams with separate timestamps: timestamps that far apart. For the motion capture: frames further apart than
+0.05 s (single frames are lost ordinarily, 20-40 ms). Where poses came irregularly, the limit is 2.5 times the step that
+95 % of them do not exceed. When the rows of a table are missing, they are missing for each of its streams.
 
 A setpoint that is planned as a straight line is rightly a straight chord. Setpoints are therefore judged only under
 three conditions. The chord lasts more than 0.25 s. Most rows of the half second on either side bend (as those of a

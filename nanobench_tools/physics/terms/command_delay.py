@@ -1,4 +1,4 @@
-"""Commands act later than their stamp."""
+"""Commands act later than their timestamp."""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,6 +1,6 @@
-"""Faults of time: stamps twice or backwards, and a vehicle's clock that is late, drifts or wanders.
+"""Faults of time: timestamps twice or backwards, and a vehicle's clock that is late, drifts or wanders.
 
-The rows stay on the stamps of the motion capture, as in the files: the values are moved along time instead.
+The rows stay on the timestamps of the motion capture, as in the files: the values are moved along time instead.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from .place import choose_time, several, truth, with_values
 
 
 def _restamped(flight: Flight, rng_clock: ClockError, stream: str) -> Flight:
-    """Every stream meant by ``stream`` as if its packets had got the stamps of this clock."""
+    """Every stream meant by ``stream`` as if its packets had got the timestamps of this clock."""
     for name in several(flight, stream):
         s = flight[name]
         stamps = rng_clock.stamp(s.time_s)
@@ -27,7 +27,7 @@ def _restamped(flight: Flight, rng_clock: ClockError, stream: str) -> Flight:
 
 def clock_offset(flight: Flight, rng: np.random.Generator, size: float = 0.05, *,
                  stream: str = "") -> tuple[Flight, Fault]:
-    """The vehicle's stamps (or one stream's) are ``size`` s late."""
+    """The vehicle's timestamps (or one stream's) are ``size`` s late."""
     span = flight.span
     return (_restamped(flight, ClockError(size), stream),
             truth("clock_offset", stream, (), (span.start_s, span.end_s), size, "s", "timestamps late by a constant"))
@@ -35,7 +35,7 @@ def clock_offset(flight: Flight, rng: np.random.Generator, size: float = 0.05, *
 
 def clock_drift(flight: Flight, rng: np.random.Generator, size: float = 0.002, *,
                  stream: str = "") -> tuple[Flight, Fault]:
-    """The vehicle's clock gains ``size`` s per s; the stamps are right in the middle of the recording."""
+    """The vehicle's clock gains ``size`` s per s; the timestamps are right in the middle of the recording."""
     span = flight.span
     middle = 0.5 * (span.start_s + span.end_s)
     return (_restamped(flight, ClockError(-size * middle, size), stream),
@@ -44,7 +44,7 @@ def clock_drift(flight: Flight, rng: np.random.Generator, size: float = 0.002, *
 
 def clock_wander(flight: Flight, rng: np.random.Generator, size: float = 0.03, *,
                  stream: str = "") -> tuple[Flight, Fault]:
-    """The vehicle's stamps are late by a sawtooth of standard deviation ``size`` s and mean zero."""
+    """The vehicle's timestamps are late by a sawtooth of standard deviation ``size`` s and mean zero."""
     span = flight.span
     return (_restamped(flight, draw_clock(rng, span.end_s, wander_sd_s=size), stream),
             truth("clock_wander", stream, (), (span.start_s, span.end_s), size, "s", "timestamps late by a sawtooth"))
@@ -59,7 +59,7 @@ def _with_stamps(flight: Flight, time_s: np.ndarray) -> Flight:
 
 def duplicate_time(flight: Flight, rng: np.random.Generator, size: float = 3, *, at_s: float | None = None
                    ) -> tuple[Flight, Fault]:
-    """``size`` rows in a row get the stamp of the row before them."""
+    """``size`` rows in a row get the timestamp of the row before them."""
     t = flight["mocap"].time_s.copy()
     i = max(int(np.searchsorted(t, choose_time(flight, rng, at_s))), 1)
     rows = slice(i, i + int(size))
@@ -88,7 +88,7 @@ def no_common_time(flight: Flight, rng: np.random.Generator, size: float = 1.7e9
 
 def backward_time(flight: Flight, rng: np.random.Generator, size: float = 0.2, *, at_s: float | None = None
                   ) -> tuple[Flight, Fault]:
-    """From a row on, the stamps go on from ``size`` s before the row ahead of it."""
+    """From a row on, the timestamps go on from ``size`` s before the row ahead of it."""
     t = flight["mocap"].time_s.copy()
     i = max(int(np.searchsorted(t, choose_time(flight, rng, at_s))), 1)
     t[i:] -= t[i] - (t[i - 1] - size)

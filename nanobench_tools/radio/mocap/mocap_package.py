@@ -1,7 +1,7 @@
 """Poses of real motion capture through the package ``motioncapture`` (Vicon, OptiTrack, Qualisys, VRPN and others).
 
 The package gives no time of exposure: a pose is stamped when its frame arrives, and the latency of the system is in
-every stamp. The clock reading of ``nanobench audit`` shows it.
+every timestamp. The clock reading of ``nanobench audit`` shows it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """By how much each stream that the motion capture predicts follows it, and how that delay moves.
 
-What the delays say about the stamps is decided in ``readings``.
+What the delays say about the timestamps is decided in ``readings``.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ from ...results.result import Result, named
 
 @dataclass(frozen=True, repr=False)
 class ClockReading(Result):
-    """``offset_s`` > 0: the stream's stamps are late against the motion capture; subtract it.
+    """``offset_s`` > 0: the stream's timestamps are late against the motion capture; subtract it.
 
     ``ci95_s``: interval of the constant offset, or None; identifiable False (offset nan) with the reason in words;
     ``wander_sd_s``: standard deviation of what a constant leaves of the time error, nan when unknown; ``warp``: (t_s,

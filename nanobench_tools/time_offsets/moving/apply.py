@@ -83,7 +83,7 @@ def on_rows(flight: Flight) -> Flight:
 
 
 def _resampled(stream: Stream, rows_s: np.ndarray) -> Stream:
-    # equal stamps (samples delivered in one burst) keep the last of them
+    # equal timestamps (samples delivered in one burst) keep the last of them
     last = np.concatenate((np.diff(stream.time_s) > 0.0, [True]))
     t, values = stream.time_s[last], stream.values[last]
     moved = np.column_stack([np.interp(rows_s, t, values[:, k]) for k in range(values.shape[1])])

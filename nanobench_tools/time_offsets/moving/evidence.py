@@ -97,7 +97,7 @@ class Evidence:
         return np.asarray(self.predicted[i] * (1.0 - part) + self.predicted[i + 1] * part)
 
     def cells(self) -> np.ndarray:
-        """(s,) stamps less the lag, as cells of the grid."""
+        """(s,) timestamps less the lag, as cells of the grid."""
         return np.round((self.time_s - self.lag_s - self.grid_start_s) / CELL_S).astype(np.int64)
 
     def detrended(self, delay_s: np.ndarray) -> np.ndarray:

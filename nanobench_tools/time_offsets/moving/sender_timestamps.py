@@ -34,7 +34,7 @@ def unwrapped(tick_s: np.ndarray) -> np.ndarray:
 
 
 def link_delay(stamp_s: np.ndarray, tick_s: np.ndarray) -> tuple[np.ndarray, float]:
-    """(n,) delay [s] of each stamp above the least line below all of them, and the rate of that line less 1."""
+    """(n,) delay [s] of each timestamp above the least line below all of them, and the rate of that line less 1."""
     x = tick_s - tick_s[0]
     late = stamp_s - stamp_s[0] - x
     # least sum of late - a - b x with late - a - b x >= 0: as large a line as fits below

@@ -14,7 +14,7 @@ from ...results.result import Result
 
 @dataclass(frozen=True, repr=False)
 class TimeOffset(Result):
-    """How late the stamps of one clock are against the motion capture.
+    """How late the timestamps of one clock are against the motion capture.
 
     - time_s, offset_s, sd_s (n,): recorded time, lateness (positive = late, subtract it) and its standard deviation.
     - constant_s: the best constant, used outside of time_s; wander_sd_s: scatter of offset_s about a line.
@@ -56,7 +56,7 @@ class TimeOffset(Result):
                          strict=True))
 
     def at(self, time_s: np.ndarray) -> np.ndarray:
-        """(m,) lateness [s] of stamps ``time_s`` (m,)."""
+        """(m,) lateness [s] of timestamps ``time_s`` (m,)."""
         if not len(self.time_s):
             return np.full(len(time_s), self.constant_s)
         found: np.ndarray = np.interp(time_s, self.time_s, self.offset_s, left=self.constant_s, right=self.constant_s)
@@ -70,7 +70,8 @@ def wander_of(time_s: np.ndarray, offset_s: np.ndarray) -> float:
 
 
 def retime_stream(stream: Stream, time_offset: TimeOffset) -> Stream:
-    """The same samples on the motion capture's clock: stamps are moved, order is kept, no value is changed or made."""
+    """The same samples on the motion capture's clock: timestamps are moved, order is kept, no value is changed or
+    made."""
     moved = np.maximum.accumulate(stream.time_s - time_offset.at(stream.time_s))
     sd = np.interp(stream.time_s, time_offset.time_s, time_offset.sd_s) if len(time_offset.time_s) else None
     shift_s = time_offset.constant_s
