@@ -60,8 +60,8 @@ class Track:
     acceleration that following the set-points takes, about world y and -x, 0 without set-points. ``flight``: index into
     the flights of the diagnosis.
 
-    ``commanded``: unit of the collective command, if no motors were logged and each got an equal part of it
-    (``commanded.py``). For N, ``motor`` is in N. ``gyro``: whether the rate was measured. ``turns``: whether the
+    ``commanded``: unit of the collective command, if no motors were logged (``commanded.py``). Each motor then gets an
+    equal part of it; for N, ``motor`` is in N. ``gyro``: whether the rate was measured. ``turns``: whether the
     simulator includes how motors turn the vehicle.
     """
 

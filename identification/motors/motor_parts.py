@@ -227,8 +227,8 @@ class FittedRotation(Result):
 
 @dataclass(frozen=True, repr=False)
 class MomentPart(Result):
-    """Rotation from rotor speed: 1 / J, k_m / J_z, J_r / J_z, the explained share of the angular acceleration, and the
-    delay of the gyro.
+    """Rotation from rotor speed: 1 / J, k_m / J_z, J_r / J_z, explained share of the angular acceleration, delay of the
+    gyro.
 
     fitted: models of rotation by input."""
 

@@ -29,8 +29,11 @@ GIVEN_TRUE = "the mean error of the flight itself: a bound, no prediction"
 
 
 def level_rows(found: Study, name: str, files: Sequence[Flown], split: str) -> list[Scored]:
-    """Results of the model ``name``: [later rows without learning, later rows with the offset of the first seconds,
-    all rows with the true offset]."""
+    """Three results of the model ``name``.
+
+    They are: later rows without learning, later rows with the offset of the first seconds, all rows with the true
+    offset.
+    """
     files = [f for f in files if can_predict(found.candidates[name], f)]
     plain = score(found, name, files, split)
     held = [(e, t) for e, t in zip(found.scores[name].errors, _times(found), strict=False) if len(e) == len(t)]

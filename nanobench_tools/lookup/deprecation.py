@@ -34,8 +34,8 @@ def warn_renamed(former: str, today: str) -> None:
 
 
 def todays_options(verb: str, words: Sequence[str]) -> list[str]:
-    """Replaces former options and names (``--old 3`` and ``--old=3``) among ``words`` of a command line, with a
-    warning for each. Words after ``--`` are not options."""
+    """Replaces former options and names among ``words`` of a command line (``--old 3`` or ``--old=3``). Each gives a
+    warning. Words after ``--`` are not options."""
     former = FORMER_OPTIONS.get(verb, {})
     end = words.index("--") if "--" in words else len(words)
     found = list(words)

@@ -61,7 +61,7 @@ class Interval:
 class Summary(Result):
     """Statistics over n flights, in the unit of their values; undefined ones are None.
 
-    std has ddof 0. ci95 is that of the mean, and ``ci_why`` gives the reason if it is missing or not to be trusted.
+    ``std`` has ddof 0. ``ci95`` is that of the mean. ``ci_why`` gives the reason if it is missing or not to be trusted.
 
     intra_class: correlation of flights of one session.
     """

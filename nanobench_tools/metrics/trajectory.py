@@ -67,8 +67,8 @@ def pairs_by_path(truth_m: np.ndarray, length_m: float = 1.0, every: int = 10) -
 def rte_published(estimate_m: np.ndarray, truth_m: np.ndarray, length_m: float = 1.0, every: int = 10) -> float:
     """Relative error as NanoBench published it [m]: mean |(p_est_j - p_est_i) - (p_j - p_i)|, no rotation.
 
-    estimate_m, truth_m (n, 3) m. A constant yaw error of the estimate counts here, unlike in ``rte``.
-    nan when the path is shorter than ``length_m``.
+    estimate_m, truth_m (n, 3) m. A constant yaw error of the estimate counts here, unlike in ``rte``. Returns nan when
+    the path is shorter than ``length_m``.
     """
     estimate, truth = checked_pair(estimate_m, truth_m)
     i, j = pairs_by_path(truth, length_m, every)
@@ -99,7 +99,7 @@ def rte(estimate_m: np.ndarray, estimate_q: np.ndarray, truth_m: np.ndarray, tru
         length_m: float = 1.0, every: int = 10) -> float:
     """Relative error over ``length_m`` of path in the start's frame [m]: mean of ``relative_errors`` over the starts.
 
-    A constant error of the attitude (mocap body frame against sensor frame) enters as angle times ``length_m``.
+    A constant error of the attitude (mocap body frame against sensor frame) enters as angle times ``length_m``. Returns
     nan when the path is shorter than ``length_m``.
     """
     i, j = pairs_by_path(np.asarray(truth_m, float), length_m, every)

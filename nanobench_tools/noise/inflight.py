@@ -1,9 +1,9 @@
 """The sensor as it flies: vibration by PWM, spectra, and how fast its integrals leave the motion capture.
 
-Over a time T, the gyro's integral and the rotation of the poses differ by two parts: the poses' own noise, which does
-not grow, and N sqrt(T). N is the density that an estimator has to assume; it includes vibration, lost packets and late
-timestamps. The same for world-vertical velocity, where half a degree of tilt counts little. Mean differences are
-biases.
+Over a time T, the gyro's integral and the rotation of the poses differ by two parts. The poses' own noise does not
+grow; the other part is N sqrt(T). N is the density that an estimator has to assume; it includes vibration, lost packets
+and late timestamps. The same for world-vertical velocity, where half a degree of tilt counts little. Mean differences
+are biases.
 """
 
 from __future__ import annotations

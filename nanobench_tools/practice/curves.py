@@ -139,8 +139,10 @@ def linear_ramp(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
 
 
 def lissajous(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
-    """Lissajous figure x = A_x sin(``freq_x`` s + phase), y = A_y sin(``freq_y`` s); lap length by summing
-    20,000 chords."""
+    """Lissajous figure x = A_x sin(``freq_x`` s + phase), y = A_y sin(``freq_y`` s).
+
+    The lap length is the sum of 20,000 chords.
+    """
     fx, fy = params["freq_x"], params["freq_y"]
     terms = [(0, fx, params["amplitude_x_m"], np.radians(params["phase_deg"])), (1, fy, params["amplitude_y_m"], 0.0)]
     lap = _harmonics(np.linspace(0.0, 2.0 * np.pi, 20_001), 1.0, terms, np.zeros(3)).position_m

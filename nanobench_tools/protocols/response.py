@@ -1,10 +1,10 @@
 """Is a predictor a vehicle? Its answer to a command that is added to the inputs of real windows.
 
-A step of PWM is added to the logged inputs of a window from its start on, as a controller would command roll, pitch,
-yaw or thrust. In a second prediction it is subtracted. Everything else is unchanged. Half the difference of the two
-predictions is the response. It is the body rate [rad/s], or for thrust the velocity [m/s] along the body's z at the
-start. A predictor that turns the other way than its motors push, or not at all, may predict flights well but is
-unsuitable as a plant. Any predictor is tested through the same contract.
+A step of PWM is added to the logged inputs of a window from its start on. Its pattern is that of a controller that
+commands roll, pitch, yaw or thrust. In a second prediction it is subtracted. Everything else is unchanged. Half the
+difference of the two predictions is the response. It is the body rate [rad/s], or for thrust the velocity [m/s] along
+the body's z at the start. A predictor that turns the other way than its motors push, or not at all, may predict flights
+well but is unsuitable as a plant. Any predictor is tested through the same contract.
 
 The size is compared with rigid-body physics: the firmware's thrust curve and yaw arm, mass, inertia and geometry of the
 vehicle. Only the motor lag comes from recordings of flights.

@@ -2,9 +2,9 @@
 
 A packet is never early, so the line below all (tick, time of arrival) is the vehicle's clock seen over the fastest way
 down. Source: Moon, Skelly, Towsley, "Estimation and removal of clock skew from network delay measurements", INFOCOM
-1999; the linear program is that of ``moving.sender_timestamps``. If the way up takes as long as the way down, the
-delay of the fastest way is half the shortest round trip of the link's echo. For any link it lies between zero and the
-whole round trip. The error of an offset is at most half the round trip (Mills, RFC 5905, section 8).
+1999. The linear program is that of ``moving.sender_timestamps``. If both ways take equally long, the delay of the
+fastest way is half the shortest round trip of the link's echo. For any link it lies between zero and the whole round
+trip. The error of an offset is at most half the round trip (Mills, RFC 5905, section 8).
 """
 
 from __future__ import annotations

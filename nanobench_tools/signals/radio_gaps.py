@@ -17,8 +17,8 @@ LONGER = number("audit.radio_gaps.longer")
 
 
 def drawn(flight: Flight) -> np.ndarray:
-    """(n,) at the rows of the IMU: the part of the streams ``imu`` and ``motor`` without a packet there (0, 1/2 or 1).
-    It is known one row later."""
+    """(n,) at the rows of the IMU: the part of ``imu`` and ``motor`` without a packet there (0, 1/2 or 1). It is known
+    one row later."""
     imu = flight["imu"]
     found = []
     for name, digits in RESOLUTION.items():

@@ -1,7 +1,8 @@
 """The place of the line of names in a text table: not always first, and not always alone.
 
-Above it may stand ``sep=;`` (Excel), comments and prose; it may itself begin with ``#`` or ``%``; a row of units may
-follow it. A line is taken for the names where a row of numbers with as many cells follows; else the first line is.
+Lines above it may contain ``sep=;`` (Excel), comments and prose. The line itself may begin with ``#`` or ``%``, and a
+row of units may follow it. The names are the line that is followed by a row of numbers with as many cells, otherwise
+the first line.
 """
 
 from __future__ import annotations

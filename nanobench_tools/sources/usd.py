@@ -1,8 +1,8 @@
 """Binary logs of the Crazyflie uSD deck, versions 1 and 2 (firmware ``src/deck/drivers/src/usddeck.c``).
 
-Little endian, no alignment: 0xBC, u16 version, u16 number of event types; per type u16 id, name\\0, u16 number of
-variables, each ``name(T)\\0``; then records of u16 id, time since boot (version 1: u32 ms, version 2: u64 us) and the
-values; at the end CRC-32 over everything before it, missing when the power was cut.
+Little endian, no alignment. The header is 0xBC, u16 version, u16 number of event types. Each type has u16 id, name\\0,
+u16 number of variables, each ``name(T)\\0``. Then follow records of u16 id, time since boot (version 1: u32 ms, version
+2: u64 us) and the values. The end is a CRC-32 over everything before it, missing when the power was cut.
 """
 
 from __future__ import annotations

@@ -5,10 +5,10 @@ A file holds ``title``, ``origin`` (where the names and units are documented) an
 ``name``     as the ecosystem writes it; ``{x,y,z}`` stands for one name each, and so on in ``is`` at the same place;
              braces in ``is`` alone are one name for several quantities
 ``is``       ``stream.quantity`` of the vocabulary, ``time``, or absent where the vocabulary has no place; then
-``what``     says in a few words what it is. In addition to ``is``: the column alone does not give the quantity, so
+``what``     describes it in a few words. In addition to ``is``: the column alone does not give the quantity, so
              tables leave it out, and a reader that has the rest of the message uses it
 ``unit``     as ``units`` knows it (default "1"; "" where the numbers have to show it); ``sign``, ``offset`` [SI] and
-             ``invalid`` (a reading that is none)
+             ``invalid`` (an invalid reading)
 ``topic``    of PX4 and ROS: the message, or list of messages, the name belongs to; of several messages that give one
              stream the first in the file is the best
 ``frame``    axes of the numbers (``axes``), where they are not ours
