@@ -221,7 +221,7 @@ def test_an_audit_repeats_what_was_assumed(nanobench, tmp_path):
     assert nanobench("columns", path, "--out", tmp_path / "m.toml")[0] == 0
     code, out, _ = nanobench("audit", path, "--columns", tmp_path / "m.toml", "--jobs", 1)
     assert code == 0
-    assert "assumed, not shown by name or numbers: x, y, z in m" in out
+    assert "assumed, not shown by name or numbers: t in s; x, y, z in m" in out
 
 
 @pytest.mark.parametrize(("file", "columns", "frame", "becomes"), [

@@ -178,7 +178,7 @@ def test_what_is_assumed_is_an_argument_and_in_the_file(tmp_path):
 @pytest.mark.parametrize(("model", "to", "hint"), [
     (Model(Vehicle(mass_kg=0.4), CURVE), "rotorpy", "cannot hover: greatest thrust of a motor 0.193 N at 3.7 V"),
     (Model(replace(Vehicle(), gravity_m_s2=0.0), CURVE), "crazyflow", "gravity is 0"),
-    (Model(Vehicle(motor_positions_m=((0.0, 0.0),) * 4), CURVE), "crazyflow", "in the centre"),
+    (Model(Vehicle(motor_positions_m=((0.0, 0.0),) * 4), CURVE), "crazyflow", "at the centre"),
     (Model(Vehicle(input="rpm"), {"thrust_rpm": {"k_f": 2e-8}, "saturation": {"T_max_N": 0.09}}), "urdf", "T_max_N")])
 def test_models_that_do_not_fit_are_one_line(model, to, hint, tmp_path):
     with pytest.raises(InputError) as error:
