@@ -1,1 +1,1 @@
-"""Where a simulator is wrong: residual, location, name, corrected model, proof."""
+"""Where a simulator is wrong: residual, location, identified effects, corrected model, proof."""

@@ -1,4 +1,5 @@
-"""What a simulator believes, identified from recordings it produced: any black box can be diagnosed that can fly."""
+"""Identify a simulator's parameters from recordings that it produced, so that any black box that flies can be
+diagnosed."""
 
 from __future__ import annotations
 

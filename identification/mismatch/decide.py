@@ -1,4 +1,4 @@
-"""From hypotheses that fit to a decision: named, unknown, a fault of the data, none."""
+"""From fitted hypotheses to a decision: effects identified, unknown, a fault of the data, or no mismatch."""
 
 from __future__ import annotations
 
@@ -163,12 +163,12 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named)
 
 
 def _unnamed(faults: Sequence[tuple[str, Fault]], found: Sequence[Structure]) -> str:
-    """The outcome where nothing is named: what looks like physics in spoilt rows is the data."""
+    """Outcome without an identified effect: apparent physics in faulty rows is attributed to the data."""
     return "data_fault" if faults else "unknown" if found else "none"
 
 
 def unproved(moments: Moments, decision: Decision, space: Space) -> Decision:
-    """The decision without names that do not predict unseen flights better."""
+    """The decision without identified effects that do not improve the prediction of unseen flights."""
     withdrawn = (*decision.withdrawn, *((f.hypothesis.term, UNPROVED) for f in decision.findings))
     found = decision.unknown
     worst = int(np.argmax(decision.before))
@@ -182,7 +182,7 @@ def unproved(moments: Moments, decision: Decision, space: Space) -> Decision:
 
 
 def without(moments: Moments, decision: Decision, terms: Sequence[str], why: str) -> Decision:
-    """The decision less some of its names, the others fitted again."""
+    """The decision without some of its effects; the others are fitted again."""
     kept = tuple(replace(f, confidence=UNSURE) for f in decision.findings if f.hypothesis.term not in terms)
     rest = {n: v for n, v in decision.space.model.parameters.items() if n.partition(".")[0] in terms}
     own = tuple(t for t in decision.own if t not in terms)
@@ -192,7 +192,7 @@ def without(moments: Moments, decision: Decision, terms: Sequence[str], why: str
                     own=own)
     for term in (f.hypothesis.term for f in kept if f.hypothesis.term not in TOGETHER):
         small = feigned(term, final, decision.space.model, moments)
-        if small:  # it came of what is gone
+        if small:  # it resulted from the removed effects
             return without(moments, found, [term], small)
     return found
 
@@ -204,7 +204,7 @@ def _refit(known: Slopes, here: Space, kept: Sequence[Hypothesis], start: Model)
 
 def _drop(known: Slopes, here: Space, home: Space, kept: Sequence[Hypothesis], final: Fit,
           terms: Sequence[str]) -> tuple[Space, list[Hypothesis], Fit]:
-    """Space, names and fit without some of the names."""
+    """Space, effects and fit without some of the effects."""
     start = rested(final.model, terms, here, home)
     here = home if any(t in MAPS for t in terms) else here
     left = [h for h in kept if h.term not in terms]
@@ -241,7 +241,7 @@ def _moved(finding: Finding, model: Model, home: Space) -> bool:
 
 
 def _strange_beside(finding: Finding, found: Sequence[Structure]) -> bool:
-    """Whether something that is no term acts along the same axes."""
+    """Whether an unknown structure acts along the same axes."""
     mine = {axis.removeprefix("force ") for axis in finding.axes}
     return any(s.kind != "motion" and mine & set(s.axes) for s in found)
 

@@ -1,4 +1,4 @@
-"""The whole chain: data, residual, location, name, model, proof."""
+"""The whole chain: data, residual, location, identification, model, proof."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ ANOTHER = setting("mismatch.diagnosis.another")
 GAINS = terms_that(lambda term: any(p.implausible is not None for p in term.parameters))
 MUCH = setting("mismatch.diagnosis.much")
 PASSES = 2
-"""Times the memory of the residual is learnt: from what the simulator leaves, then from what the named terms leave."""
+"""Number of times the memory of the residual is learnt: without, then with the identified terms."""
 AXIS_SHARE = setting("mismatch.diagnosis.axis_share")
 
 
 def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
              progress: Callable[[str], None] | None = None, given: Equivalent | None = None) -> Verdict:
-    """Errors of ``simulator``, given prepared recordings. ``given``: the callable that it is equivalent to, whose own
+    """Errors of ``simulator``, given prepared recordings. ``given``: the callable that it is equivalent to, whose
     residual is then judged."""
     start = time.perf_counter()
     opened = open_case(recordings, simulator, start, given)
@@ -78,7 +78,7 @@ def open_case(recordings: Recordings, simulator: Model, start: float,
 
 def judge(recordings: Recordings, wrench: Wrench, simulator: Model, seed: int = 0,
           say: Callable[[str], None] = lambda text: None) -> tuple[Moments, Decision, Proof]:
-    """What the residual of ``wrench``, that of these recordings, says: named, and proved on flights left out."""
+    """Identify effects from the residual of ``wrench`` (of these recordings), and prove them on flights left out."""
     space = space_around(simulator, wrench.unasked)
     say("residual along the measured states")
     moments, named = _named(wrench, space, simulator, say)
@@ -95,8 +95,10 @@ def judge(recordings: Recordings, wrench: Wrench, simulator: Model, seed: int = 
 
 
 def _proved(moments: Moments, decision: Decision, simulator: Model, space: Space, seed: int) -> tuple[Decision, Proof]:
-    """What of a decision predicts unseen flights better: all its names, else those that push, else one of these, else
-    none."""
+    """The part of a decision that predicts unseen flights better.
+
+    Tried in this order: all its effects, those that act as a force, one of these, no effect.
+    """
     names = [f.hypothesis.term for f in decision.findings]
     turning = [f.hypothesis.term for f in decision.findings if all(axis.startswith("torque") for axis in f.axes)]
     pushing = sorted((f for f in decision.findings if f.hypothesis.term not in turning), key=lambda f: -f.share)
@@ -134,7 +136,8 @@ def _without_idle(moments: Moments, decision: Decision, proof: Proof, simulator:
 
 
 def _no_vehicle(decision: Decision) -> Structure | None:
-    """Turning that only another vehicle would explain. It is no name, but it is no agreement either."""
+    """Rotation that only another vehicle would explain. It identifies no effect, but the simulator does not agree
+    either."""
     why = next((w for t, w in decision.rejected.items() if t in GAINS and w.endswith("no vehicle")), None)
     there = decision.before[3:]
     if why is None or float(there.sum()) < MUCH:
@@ -177,7 +180,7 @@ def diagnose_callable(recordings: Recordings, simulator: Simulator, place: str, 
 
 
 def _unlike(recordings: Recordings, given: Equivalent) -> Verdict:
-    """A simulator that no terms reproduce: its residual has a size, and no name."""
+    """Verdict on a simulator that no terms reproduce: its residual has a size, but no effect is identified."""
     wrench = Wrench(recordings.tracks)
     force = wrench.measured[0] - wrench.model(given.model)[0] - given.gap[0]
     size = float(np.sqrt(np.mean(np.sum(force**2, axis=1))))

@@ -1,4 +1,4 @@
-"""The pictures of a diagnosis as figures: what ``pictures`` found, on axes with units."""
+"""Figures of a diagnosis: the data of ``pictures``, on axes with units."""
 
 from __future__ import annotations
 

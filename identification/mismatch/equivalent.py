@@ -49,9 +49,10 @@ PROBED_SHARE, PROBED_ROWS = 0.02, 200
 
 @dataclass(frozen=True)
 class Equivalent:
-    """``model`` stands for the simulator ``name``; ``gap``: what the simulator gives beyond it, as ``Wrench.measured``;
-    ``shares`` (force, torque): RMS of the gap over the standard deviation of what the simulator gives; rms of the
-    gap m/s^2, rad/s^2; ``by_channel`` (6,) as shares; ``needs_battery``: whether the simulator looks at it."""
+    """``model`` represents the simulator ``name``; ``gap``: output of the simulator minus that of the model, as
+    ``Wrench.measured``; ``shares`` (force, torque): RMS of the gap over the standard deviation of the simulator's
+    output; ``rms`` of the gap m/s^2, rad/s^2; ``by_channel`` (6,) as shares; ``needs_battery``: whether the simulator
+    uses the battery."""
 
     name: str
     model: Model
@@ -200,7 +201,7 @@ def _cut(track: Track, first: int, last: int) -> Track:
 
 
 def _blocks(tracks: Sequence[Track]) -> list[tuple[int, int, int]]:
-    """(track, first row, last row) of what is fitted: all, or every k-th block."""
+    """(track, first row, last row) of the fitted blocks: all, or every k-th."""
     total = ROW_S * sum(len(t) for t in tracks)
     if total <= MOST_S:
         return [(k, 0, len(t)) for k, t in enumerate(tracks)]
@@ -222,7 +223,8 @@ def _start(vehicle: Vehicle, battery: bool) -> Model:
 
 def _fitted(wrench: Wrench, target: tuple[np.ndarray, np.ndarray], start: Model,
             say: Callable[[str], None]) -> Model:
-    """Forward: the term that takes away most, until what is left is small or nothing helps; then out with idle ones."""
+    """Forward selection: add the term that explains most, until the rest is small or no term helps. Then drop idle
+    terms."""
     space = space_around(start, wrench.unasked)
     held = [t for t in (*(t.name for t in start.terms), "inertia") if t not in wrench.unasked]
     say(f"what it believes, from {ROW_S * sum(len(t) for t in wrench.tracks):.0f} s")
@@ -247,7 +249,7 @@ def _fitted(wrench: Wrench, target: tuple[np.ndarray, np.ndarray], start: Model,
         held, values, cost = [*held, best], tried, less
         say(f"the simulator has {best}")
     rest = space.model.values
-    for term in [t for t in held if t not in NEVER]:  # what rests in START has its neutral value
+    for term in [t for t in held if t not in NEVER]:  # a term at rest in START has its neutral value
         still = _at_rest(space, values, term, rest)
         if still is not None and float(np.sum(left(still)**2)) - cost < IDLE:
             held, values = [t for t in held if t != term], still
@@ -258,7 +260,7 @@ def _fitted(wrench: Wrench, target: tuple[np.ndarray, np.ndarray], start: Model,
 
 
 def _at_rest(space: Space, values: np.ndarray, term: str, rest: np.ndarray) -> np.ndarray | None:
-    """Values with a term at rest; None for one that has none."""
+    """Values with a term at rest; None for a term without a value at rest."""
     still = values.copy()
     for i, slot in enumerate(space.model.slots):
         if slot.term.name == term:
@@ -270,14 +272,14 @@ def _at_rest(space: Space, values: np.ndarray, term: str, rest: np.ndarray) -> n
 
 
 def _free(space: Space, terms: Sequence[str]) -> np.ndarray:
-    """Without what is only seen in products or sums with another term."""
+    """Free parameters, without those that are observable only in products or sums with another term."""
     slots = space.model.slots
     return np.array([i for i in free_of(space, terms) if slots[i].element not in slots[i].parameter.only_with], int)
 
 
 def _columns(left: Callable[[np.ndarray], np.ndarray], space: Space, values: np.ndarray,
              free: np.ndarray) -> np.ndarray:
-    """Slopes of what is left (K, F), per scale."""
+    """Slopes (K, F) of the residual, per scale."""
     sizes, here, found = scales(space.model), left(values), []
     for i in free:
         moved = values.copy()
@@ -298,7 +300,7 @@ def _explained(columns: np.ndarray, left: np.ndarray) -> float:
 
 def _least(left: Callable[[np.ndarray], np.ndarray], space: Space, values: np.ndarray,
            terms: Sequence[str]) -> tuple[np.ndarray, float]:
-    """Values with the parameters of some terms fitted, and the squared length of what is left."""
+    """Values with the parameters of some terms fitted, and the squared length of the residual."""
     free = _free(space, terms)
     sizes, model = scales(space.model)[free], space.model
     gains = np.array([bool(fixed_mean(model)[i]) for i in free], float)

@@ -95,12 +95,12 @@ class Slopes:
         return np.asarray(self.columns(model, which) @ _ways(model, which))
 
     def of_flights(self, model: Model, which: Sequence[int] | np.ndarray) -> np.ndarray:
-        """(K, F * flights): what each parameter does in each flight alone, parameter by parameter, at the anchor."""
+        """(K, F * flights): effect of each parameter in each flight alone, parameter by parameter, at the anchor."""
         return self._flights_at(self.near(model), which)
 
     def levels(self, without: Sequence[str] = ()) -> tuple[list[str], np.ndarray]:
-        """Parameters that scatter between flights, but for some, and (K, F * flights) what one standard deviation of
-        each does in each flight."""
+        """Parameters that scatter between flights, except some, and (K, F * flights) the effect of one standard
+        deviation of each in each flight."""
         found = self.moments.levels
         keep = [k for k, name in enumerate(found.names) if name not in without] if found else []
         if not found or not keep:
@@ -122,14 +122,14 @@ class Slopes:
         return np.concatenate([self._known[(*model.key, int(i), "flights")] for i in which], axis=1)
 
     def speed_lag(self, model: Model) -> np.ndarray:
-        """(K, 1) what rotors do whose speed lags instead of their thrust."""
+        """(K, 1) effect of rotors whose speed lags instead of their thrust."""
         key = (*model.key, "speed lag")
         if key not in self._known:
             self._known[key] = self._project(*self.moments.wrench.speed_lag(model))
         return self._known[key][:, None]
 
     def drag_at_rotors(self, model: Model) -> np.ndarray:
-        """(K, 1) what drag does that acts at the rotors instead of at their centre."""
+        """(K, 1) effect of drag that acts at the rotors instead of at their centre."""
         key = (*model.key, "drag at rotors")
         if key not in self._known:
             self._known[key] = self._project(*self.moments.wrench.drag_at_rotors(model))
@@ -149,7 +149,7 @@ class Slopes:
         return np.concatenate([*found, columns], axis=1), scattered
 
     def cleaned(self, model: Model, columns: np.ndarray) -> np.ndarray:
-        """(K, F) ``columns`` less what the nuisances of a fit of nothing take of them."""
+        """(K, F) ``columns`` without the part that the nuisances of a fit without free parameters explain."""
         extra = self.nuisances(model, [])[0]
         taken = np.linalg.solve(np.eye(extra.shape[1]) + extra.T @ extra, extra.T @ columns)
         return np.asarray(columns - extra @ taken)
@@ -162,7 +162,7 @@ class Slopes:
 
 
 def slopes(wrench: Wrench, model: Model, which: Sequence[int] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What a parameter does to force and torque: (N, 3, F), (M, 3, F), per scale of each parameter."""
+    """Effect of each parameter on force and torque: (N, 3, F), (M, 3, F), per scale of the parameter."""
     sizes = scales(model)
     force = np.empty((*wrench.measured[0].shape, len(which)))
     torque = np.empty((*wrench.measured[1].shape, len(which)))
@@ -207,7 +207,7 @@ def fit(known: Slopes, model: Model, free: Sequence[int] | np.ndarray, steps: in
         left = known.left(at(chosen))
         better, moved = without_nuisances(left), (chosen - start) / sizes if len(free) else start
         penalty = float(np.sum((weight * moved) ** 2))
-        # the part along the nuisances that is left counts with their prior
+        # the remaining part along the nuisances counts with their prior
         return float(left @ better) + penalty, better
 
     cost, left = cost_of(values)
@@ -287,7 +287,7 @@ def bootstrap(known: Slopes, fit: Fit, own: Sequence[int] | np.ndarray = (), dra
 
 
 def force_left(known: Slopes, fit: Fit) -> np.ndarray:
-    """(N, 3) residual of force, with what differs between flights taken out."""
+    """(N, 3) residual of force, without the differences between flights."""
     wrench, levels = known.moments.wrench, known.moments.levels
     left = wrench.residual(fit.model)[0].copy()
     flight = wrench.flight[wrench.force_at]

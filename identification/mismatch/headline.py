@@ -46,7 +46,8 @@ def _as_good(improvement: Mapping[str, Any], which: str) -> Good:
 
 
 def headline(body: Mapping[str, Any]) -> str:
-    """One sentence: what the simulator leaves out or not, how large the error is, and what is left after mending."""
+    """One sentence: what the simulator omits, if anything, how large the error is, and what remains after the
+    correction."""
     improvement = body.get("improvement") or {}
     half = improvement.get("50") or {}
     before, after = ((half.get(k) or {}).get("position_m") for k in ("before", "after"))

@@ -1,4 +1,4 @@
-"""What the page of a diagnosis draws is made of, whichever engine diagnosed."""
+"""Data for the plots on the page of a diagnosis, the same for every engine."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class Predicted(Protocol):
 
 @dataclass(frozen=True)
 class Structure:
-    """Excess of each channel along ``groups`` of covariates, (6, G) before and after; ``chance``: what a right
-    simulator has."""
+    """Excess of each channel along ``groups`` of covariates, (6, G) before and after; ``chance``: that of a right
+    simulator."""
 
     groups: Sequence[str]
     before: np.ndarray
@@ -57,6 +57,6 @@ class Left:
         return self.wrench.force_at if channel < 3 else self.wrench.torque_at
 
     def of(self, channel: int) -> list[np.ndarray]:
-        """[before, after], or [before] where nothing was named; (n,) each."""
+        """[before, after], or [before] without an identified effect; (n,) each."""
         sides = [self.before, self.after] if self.named else [self.before]
         return [side[channel // 3][:, channel % 3] for side in sides]

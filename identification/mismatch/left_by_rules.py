@@ -1,4 +1,4 @@
-"""What the rules leave to be drawn."""
+"""Data for the plots of a diagnosis by rules."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def _corrected(wrench: Wrench, decision: Decision, proof: Proof) -> Residual:
 
 
 def floor(moments: Moments) -> np.ndarray:
-    """(6,) RMS that a simulator would leave that is right: disturbances and noise that no covariate goes with."""
+    """(6,) RMS of the residual of a right simulator: disturbances and noise that no covariate predicts."""
     impulse = np.zeros(2000)
     impulse[0] = 1.0
     return np.array([c.sd * np.linalg.norm(lfilter([1.0], np.concatenate([[1.0], -c.memory.weights]), impulse))
@@ -56,7 +56,7 @@ def floor(moments: Moments) -> np.ndarray:
 
 
 def excess_by_group(moments: Moments, projection: np.ndarray) -> tuple[np.ndarray, list[str]]:
-    """(6, G) squared length, of each channel along each group of covariates, above what is plain; the groups."""
+    """(6, G) squared length of each channel along each group of covariates, above the plain level, and the groups."""
     groups = list(dict.fromkeys(g for c in moments.channels for g in c.groups))
     column = np.array([groups.index(g) for c in moments.channels for g in c.groups])
     squares, many = np.zeros((6, len(groups))), np.zeros((6, len(groups)))
@@ -66,7 +66,7 @@ def excess_by_group(moments: Moments, projection: np.ndarray) -> tuple[np.ndarra
 
 
 def scores(decision: Decision) -> dict[str, Any]:
-    """What each hypothesis takes away when it is tried first, and what became of it."""
+    """How much each hypothesis explains when it is tried first, and its outcome."""
     named = {f.hypothesis.term for f in decision.findings}
     alike = {t for f in decision.findings for t in f.equivalent}
     withdrawn = {t for t, _ in decision.withdrawn}

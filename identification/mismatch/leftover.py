@@ -82,7 +82,7 @@ def structures(moments: Moments, force: np.ndarray) -> list[Structure]:
 
 def _held_out(moments: Moments, target: np.ndarray, features: np.ndarray, flight: np.ndarray,
               channels: Sequence[int]) -> tuple[float, float, np.ndarray]:
-    """(gain, RMS of what is predicted, gain of each flight): regression on the other flights, ridge of one sample."""
+    """(gain, RMS of the prediction, gain of each flight): regression on the other flights, ridge of one sample."""
     gains, predicted = np.zeros(flight.max() + 1), np.zeros_like(target)
     for c in channels:
         memory = moments.channels[min(c, 2)].memory
@@ -152,7 +152,7 @@ def _time(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structure 
 
 
 def _motion(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structure | None:
-    """A force of the vehicle's own motion in a shape that no term has."""
+    """A force that depends on the vehicle's motion in a way that no term models."""
     wrench = moments.wrench
     if len(np.unique(flight)) < 2:
         return None
@@ -179,7 +179,7 @@ def _period(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structur
 
 
 def _one_step(values: np.ndarray) -> np.ndarray:
-    """(n,) less what each says of the next: lasting air turns white, a swing does not."""
+    """(n,) with one-step memory removed: slowly changing air becomes white, a swing does not."""
     x = values - values.mean()
     return np.concatenate([[0.0], x[1:] - x[:-1] * float(x[1:] @ x[:-1]) / max(float(x @ x), 1e-12)])
 
@@ -225,7 +225,7 @@ def _peak(moments: Moments, force: np.ndarray, whites: Sequence[np.ndarray], fli
 
 
 def _bursts(moments: Moments, force: np.ndarray, flight: np.ndarray) -> Structure | None:
-    """Short events, far outside of what noise does."""
+    """Short events, far outside the noise."""
     memory = moments.channels[2].memory
     white = memory.whiten(force[:, 2])
     sd = 1.4826 * np.median(np.abs(white[memory.judged]))
@@ -248,7 +248,7 @@ def _around(wrench: Wrench, far: np.ndarray) -> np.ndarray:
 
 
 def gusts(moments: Moments, force: np.ndarray) -> Structure | None:
-    """A force that comes and goes without any pattern, and is more than air does that is called still; (N, 3), body."""
+    """A force (N, 3), body, that comes and goes without any pattern and is stronger than that of still air."""
     wrench = moments.wrench
     track = wrench.track[wrench.force_at]
     step = FORCE_ROWS * ROW_S
@@ -264,7 +264,7 @@ def gusts(moments: Moments, force: np.ndarray) -> Structure | None:
 
 
 def _lasting(slow: Sequence[np.ndarray], step_s: float) -> float:
-    """Seconds after which what is there says little about what comes: where the autocorrelation falls below 1 / e."""
+    """Correlation time [s]: the autocorrelation falls below 1 / e."""
     longest = max(len(part) for part in slow) - 1
     for lag in range(1, longest):
         pairs = [(part[lag:], part[:-lag]) for part in slow if len(part) > lag]

@@ -79,7 +79,7 @@ def _off(columns: np.ndarray) -> np.ndarray:
 
 
 def _spread(moments: Moments, basis: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """(6,) squared length per free moment that nothing explains, over the plain one; not below 1."""
+    """(6,) unexplained squared length per free moment, relative to the plain level; not below 1."""
     rest, free = left - basis @ (basis.T @ left), 1.0 - np.sum(basis**2, axis=1)
     owner = moments.owner
     return np.array([max(float(rest[owner == c] @ rest[owner == c]) / max(float(free[owner == c].sum()), LEAST_FREE)

@@ -17,7 +17,7 @@ SPEED, WRONG = "rpm", "wrong_speed"
 
 
 def with_speed(flight: Flight) -> Flight:
-    """With the measured rotor speeds [rad/s] as the inputs; without any where it has none."""
+    """The flight with its measured rotor speeds [rad/s] as inputs; without inputs if it has no speeds."""
     if SPEED not in flight:
         return flight.without_streams("motor") if "motor" in flight else flight
     stream = flight[SPEED]
@@ -36,7 +36,7 @@ def of_speed(audit: Audit) -> Audit:
 
 
 def check(flights: Sequence[Flight]) -> None:
-    """InputError where no recording holds what the simulator takes."""
+    """InputError if no recording contains the inputs of the simulator."""
     if flights and not any(SPEED in f for f in flights):
         raise InputError(flights[0].provenance.path, "has no measured rotor speed (stream rpm), and the simulator "
                          "takes rotor speeds", "give recordings that hold them, or a simulator with input = \"pwm\"")
@@ -44,7 +44,7 @@ def check(flights: Sequence[Flight]) -> None:
 
 def seen_by(flights: Sequence[Flight], audits: Mapping[str, Audit],
             takes: str) -> tuple[dict[str, Flight], dict[str, Audit]]:
-    """Flights and audits by name, as a simulator sees them that takes ``pwm``, ``rpm`` or ``thrust``."""
+    """Flights and audits by name, as seen by a simulator that takes ``pwm``, ``rpm`` or ``thrust``."""
     if takes != SPEED:
         return {f.name: f for f in flights}, dict(audits)
     check(flights)

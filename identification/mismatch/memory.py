@@ -10,14 +10,14 @@ from scipy.signal import lfilter
 
 @dataclass(frozen=True)
 class Memory:
-    """What the samples before say about the next: ``weights`` (p,), the nearest first. ``runs`` (n,) counts the
+    """Prediction of a sample from the previous ones: ``weights`` (p,), the nearest first. ``runs`` (n,) counts the
     samples without a hole before each."""
 
     weights: np.ndarray
     runs: np.ndarray
 
     def whiten(self, values: np.ndarray) -> np.ndarray:
-        """values (n, ...) -> what the samples before do not say; 0 where there are not enough of them."""
+        """values (n, ...) -> the part that the previous samples do not predict; 0 where there are too few of them."""
         found = np.array(values, float)
         for lag, weight in enumerate(self.weights, 1):
             found[lag:] -= weight * values[:-lag]

@@ -26,7 +26,7 @@ from .wrench import CHANNELS, FORCE_ROWS, TORQUE_ROWS, Wrench
 
 LAST_ASKED = count("mismatch.moments.last_asked")
 ASKED_LAGS = range(0, LAST_ASKED, 4)
-"""Rows before the one judged at which what set-points asked for is an instrument: to 0.44 s, as late as vehicles
+"""Lags [rows] at which the acceleration required by set-points is an instrument: up to 0.44 s, as late as vehicles
 follow."""
 RATE_LAGS = range(3, 10)
 """Stretches before the one judged whose changes of rate are instruments: 20 to 160 ms."""
@@ -40,7 +40,7 @@ LOWEST_M = number("mismatch.moments.lowest_m")
 
 @dataclass(frozen=True)
 class Covariate:
-    """A signal the residual is compared with; ``group`` says in the report what it stands for."""
+    """A signal with which the residual is compared; ``group`` describes it in the report."""
 
     name: str
     group: str
@@ -73,7 +73,7 @@ def _slopes(wrench: Wrench, at: np.ndarray) -> list[Covariate]:
 
 
 def force_covariates(wrench: Wrench, jacobian: np.ndarray, names: Sequence[str]) -> list[list[Covariate]]:
-    """For each of the three channels: slopes, and what each parameter of the vocabulary would do there."""
+    """For each of the three channels: slopes, and the effect of each parameter of the vocabulary."""
     slow = _slopes(wrench, wrench.force_at)
     return [[*slow, *(Covariate(name, "hypothesis", jacobian[:, c, k]) for k, name in enumerate(names))]
             for c in range(3)]
@@ -143,7 +143,7 @@ def _independent(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def channel(name: str, at: np.ndarray, step: int, track: np.ndarray, covariates: Sequence[Covariate],
             residual: np.ndarray, order: int) -> Channel:
-    """Memory and size of what the covariates do not explain, and their basis."""
+    """Memory and size of the part that the covariates do not explain, and their basis."""
     runs = runs_of(at, step, track)
     columns = np.stack([c.values for c in covariates], axis=1)
     slow = np.stack([c.values for c in covariates if c.group not in MEMORY], axis=1)
@@ -188,7 +188,7 @@ class Moments:
 
 def moments_of(wrench: Wrench, residual: tuple[np.ndarray, np.ndarray], force_jacobian: np.ndarray,
                names: Sequence[str]) -> Moments:
-    """Channels of a residual; force_jacobian (N, 3, P) is what the vocabulary would do to the force. Torques that are
+    """Channels of a residual; force_jacobian (N, 3, P) is the effect of the vocabulary on the force. Torques that are
     not compared have no moments."""
     if wrench.unasked:
         forces = force_covariates(wrench, force_jacobian, names)

@@ -29,7 +29,7 @@ ELSEWHERE = number("mismatch.naming.elsewhere")
 AT_MOST = number("mismatch.naming.at_most")
 REST = number("mismatch.naming.rest")
 CHANGING = terms_that(lambda term: term.changes)
-"""What may have been changed between two flights."""
+"""Terms that may have changed between two flights."""
 CHANGED = number("mismatch.naming.changed")
 PUSHES = terms_that(lambda term: term.of_air)
 ALONE = number("mismatch.naming.alone")
@@ -39,8 +39,8 @@ MOSTLY = number("mismatch.naming.mostly")
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """A term, the model in which it may change, and its free parameters. ``gain``: loss that it explains beyond what
-    chance gives its number of parameters. ``own``: per-flight values."""
+    """A term, the model in which it may change, and its free parameters. ``gain``: loss that it explains beyond chance
+    for its number of parameters. ``own``: per-flight values."""
 
     term: str
     fit: Fit
@@ -69,9 +69,10 @@ class Named:
 
 HIGH = number("mismatch.naming.high")
 LIMITS = terms_that(lambda term: term.is_limit)
-"""What has no slope where it rests."""
+"""Terms without a slope at their value at rest."""
 FAR = terms_that(lambda term: term.far)
-"""What may act far from linearly, so that its rank to first order says little: a long delay makes a loop swing."""
+"""Terms that may act far from linearly, so that their first-order rank is unreliable: a long delay makes a loop
+swing."""
 
 
 def started(model: Model, term: str) -> Model | None:
@@ -83,7 +84,7 @@ def started(model: Model, term: str) -> Model | None:
 
 
 def _limits(moments: Moments, model: Model, term: str) -> list[Model]:
-    """Starts for a limit, which does nothing where it rests, one for each of its parameters: of inputs, or thrusts."""
+    """Starts for a limit, which has no effect at rest, one for each of its parameters: of inputs, or thrusts."""
     inputs = np.concatenate([np.column_stack([t.motor, t.battery_V])[t.counts] for t in moments.wrench.tracks])
     thrust = np.stack(equations(model, ROW_S).command([*inputs.T, *inputs.T[:model.rotors], np.zeros(len(inputs))]))
     high = {"inputs": float(np.quantile(inputs[:, :model.rotors], HIGH)), "thrusts": float(np.quantile(thrust, HIGH))}
@@ -183,7 +184,7 @@ class _Search:
         return self.known.near(start) if start is self.current.model else start
 
     def _differing(self, model: Model) -> np.ndarray:
-        """(K, N) columns of what differs between flights."""
+        """(K, N) columns of the parameters that differ between flights."""
         own = free_of(self.space, [h.term for h in self.accepted if h.own])
         return self.known.of_flights(model, own) if len(own) else np.zeros((len(self.moments.owner), 0))
 
@@ -217,7 +218,7 @@ class _Search:
         return any(h.term in self.alike[a.term] and h.gain < REST * a.gain for a in self.accepted)
 
     def _errors_of_others(self, h: Hypothesis) -> float:
-        """What the errors of the names before may explain where ``h`` acts."""
+        """The part that errors of the accepted effects may explain where ``h`` acts."""
         if not self.accepted:
             return 0.0
         owner = self.moments.owner
@@ -235,12 +236,12 @@ class _Search:
         return LEAST_GAIN + PER_PARAMETER * (len(h.fit.free) - len(self.current.free))
 
     def _lifting(self, h: Hypothesis) -> float:
-        """What a hypothesis takes away of the force: gains of torque alone are no thrust curve."""
+        """How much of the force a hypothesis explains: gains of torque alone are no thrust curve."""
         gone = self.current.left**2 - h.fit.left**2
         return float(gone[self.moments.owner < 3].sum())
 
     def _turning(self, h: Hypothesis) -> float:
-        """Share of what a hypothesis takes away that lies in the torques."""
+        """Share of the torques in the part that a hypothesis explains."""
         gone = self.current.left**2 - h.fit.left**2
         turned = float(gone[self.moments.owner >= 3].sum())
         return turned / max(float(gone.sum()), 1e-9)
@@ -263,7 +264,7 @@ class _Search:
                                                     and self._beside(h.term) < REDUNDANT * h.gain))
 
     def _beside(self, term: str, others: Sequence[str] = ()) -> float:
-        """What a term would still explain after the accepted ones and ``others``, to first order."""
+        """How much a term would still explain after the accepted ones and ``others``, to first order."""
         start = started(self.current.model, term) or self.current.model
         held = free_of(self.space, [*self.names, *(o for o in others if o in self.space.terms)])
         left, near = self.known.left(start), self._near(start)
@@ -288,7 +289,7 @@ class _Search:
         return _explained(wide, np.concatenate([left, np.zeros(many)]))
 
     def backward(self) -> None:
-        """Out with what the others explain by now, and a level for a curve that is no more than one."""
+        """Remove effects that the others now explain, and replace a curve that is only an offset by that offset."""
         self._levelled()
         while len(self.accepted) > 1:
             losses = []
@@ -331,7 +332,8 @@ class _Search:
 
 
 def _contains(wider: str, term: str) -> bool:
-    """A thrust map can be any scale: that it explains as much says nothing."""
+    """Whether ``wider`` contains ``term``: a thrust map can be any scale, so an equal explanation is no evidence for
+    it."""
     return wider in MAPS and term in LEVEL
 
 

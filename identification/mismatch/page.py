@@ -1,4 +1,4 @@
-"""report.html: a diagnosis on one page that asks the network for nothing."""
+"""report.html: a diagnosis on one page that works without a network."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Table:
 
 
 def write_page(verdict: Verdict, recordings: Recordings, path: Path, synthetic: bool) -> None:
-    """Writes the page of a verdict, one that judged nothing included. ``synthetic``: every caption says so."""
+    """Write the page of a verdict, even if no row was judged. ``synthetic``: every caption states it."""
     write_bytes(Path(path), page_text(verdict, recordings, synthetic).encode(errors="replace"))
 
 
@@ -73,7 +73,7 @@ def _flights(n: int) -> str:
 
 def tables(verdict: Verdict, body: Mapping[str, Any], drawn: Mapping[str, Any],
            recordings: Recordings) -> dict[str, Table]:
-    """Every table by name; those with nothing to show are left out."""
+    """Every table by name, without empty ones."""
     found = {"findings": findings(body), "faults": faults(verdict, recordings), "spans": judged(recordings),
              "left_out": left_out(recordings), "rejected": reasons(
                  [*(body.get("not_named") or []), *(body.get("not_asked") or [])], "Not named"),
@@ -106,7 +106,7 @@ def _where(where: Mapping[str, Any]) -> str:
 
 
 def faults(verdict: Verdict, recordings: Recordings) -> Table:
-    """Faults of one kind together, and how many of them touch what was judged."""
+    """Faults grouped by kind, with the number that touch the judged rows."""
     groups: dict[str, list[tuple[str, Fault]]] = {}
     for name, fault in recordings.faults:
         groups.setdefault(fault.kind, []).append((name, fault))

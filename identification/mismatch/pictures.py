@@ -1,4 +1,4 @@
-"""What the page of a diagnosis draws, as plain data: where the residual is, what takes it away, what is left."""
+"""Plot data of the page of a diagnosis: where the residual is, which effects explain it, and the rest."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CELLS = 9
 """Cells of the map along its longer side."""
 LEAST_CELL_M = 0.1
 NOT_DRAWN = ("constant", "flight", "hypothesis", *MEMORY)
-"""Groups of covariates a person learns nothing from in a plot: rates follow a torque as well as they cause one."""
+"""Groups of covariates that are not informative in a plot: rates follow a torque as well as cause one."""
 UNITS = {"velocity": "m/s", "speed x": "m²/s²", "world": "1", "lateral": "m²/s²", "1 / height": "1/m²",
          "height": "m", "position": "m", "battery": "V", "time": "s"}
 
@@ -61,7 +61,7 @@ def rounded(values: np.ndarray, digits: int = 4) -> list[Any]:
 
 
 def spans(recordings: Recordings) -> list[dict[str, Any]]:
-    """Of each flight: when it flew, what was judged, where its data are at fault."""
+    """For each flight: when it flew, which rows were judged, where its data are at fault."""
     entries = []
     for number, flight in enumerate(recordings.flights):
         audit = recordings.audits.get(flight.name)
@@ -82,7 +82,7 @@ def _runs(time_s: np.ndarray, counts: np.ndarray) -> list[list[float]]:
 
 
 def whole(verdict: Verdict, structure: Structure) -> list[dict[str, Any]]:
-    """Shares of all that the covariates predict: what each finding takes away, what stays, what chance would do."""
+    """Shares of the part that the covariates predict: explained by each finding, unexplained, and by chance."""
     before, after = float(structure.before.sum()), float(structure.after.sum())
     after, chance = min(after, before), structure.chance
     shares = [(entry["term"], entry["residual_share"]) for entry in verdict.body["findings"]]
@@ -93,7 +93,7 @@ def whole(verdict: Verdict, structure: Structure) -> list[dict[str, Any]]:
 
 
 def rms(left: Left) -> dict[str, Any]:
-    """RMS of each channel before and after, and of what a right simulator leaves."""
+    """RMS of each channel before and after, and that of a right simulator."""
     sides = np.array([[np.sqrt(np.sum(side**2) / max(len(side), 1)) for side in left.of(c)] for c in range(6)])
     least = np.minimum(left.floor, sides.min(axis=1))
     return {"before": rounded(sides[:, 0]), "after": rounded(sides[:, -1]), "floor": rounded(least),
@@ -101,7 +101,7 @@ def rms(left: Left) -> dict[str, Any]:
 
 
 def timeline(left: Left) -> list[list[dict[str, Any]]]:
-    """[flight][channel]: means over MEAN_S, before and after, over the time of the recording; nothing across holes."""
+    """[flight][channel]: means over MEAN_S, before and after, over the time of the recording; interrupted at gaps."""
     found = []
     for flight in np.unique(left.wrench.flight):
         lines: list[dict[str, Any]] = []
@@ -121,8 +121,8 @@ def timeline(left: Left) -> list[list[dict[str, Any]]]:
 
 
 def share(structure: Structure) -> dict[str, Any]:
-    """Per cent of what the covariates predict before, chance included, by group of covariates and channel, and what is
-    left of it after."""
+    """Part that the covariates predict before, chance included [%], by group of covariates and channel, and its rest
+    after."""
     before, after = structure.before, structure.after
     total = float(before.sum()) + structure.chance
     seen = np.maximum(before, after).max(axis=0) > 5e-4 * total
