@@ -58,7 +58,8 @@ class Proof:
 
     @property
     def better(self) -> bool:
-        """At h = 50 or 10 something improves with an interval above nothing, and nothing gets worse by more than it."""
+        """At h = 50 or 10 some quantity improves with an interval above zero, and no quantity gets worse by more than
+        that."""
         return self._better_in(slice(None))
 
     @property
@@ -81,8 +82,7 @@ class Proof:
         return self._better_in(slice(0, 2)) and self.better_along(seed)
 
     def better_along(self, seed: int = 0) -> bool:
-        """The residual along the measured states of flights that were left out gets smaller, with an interval above
-        nothing."""
+        """The residual of left-out flights along the measured states gets smaller, with an interval above zero."""
         if not self.held_out or len(self.along) < 2:
             return False
         return bool(np.quantile(_drawn_means(self.along, seed), 0.025) > 0.0)
@@ -142,7 +142,7 @@ def prove(moments: Moments, decision: Decision, simulator: Model, seed: int = 0)
 
 def _each(models: Sequence[Model], tracks: Sequence[Track], numbers: Sequence[int],
           places: Sequence[int] | None = None) -> np.ndarray:
-    """(places, H, 4) errors of some flights, all by default, each with its own of ``models``."""
+    """(places, H, 4) errors of some flights, all by default, each with its model of ``models``."""
     return np.concatenate([prediction_errors(models[k], [t for t in tracks if t.flight == numbers[k]], [numbers[k]])
                            for k in (range(len(numbers)) if places is None else places)])
 
@@ -278,7 +278,7 @@ def prediction_errors(model: Model, tracks: Sequence[Track], numbers: Sequence[i
 
 
 def _told(errors: np.ndarray, tracks: Sequence[Track]) -> np.ndarray:
-    """errors (..., 4) without those of what was given."""
+    """errors (..., 4) without those of the quantities that were given."""
     if any(t.forces_only for t in tracks):
         errors[..., PATH:] = np.nan
     return errors

@@ -110,7 +110,7 @@ def look_over(flights: Sequence[Flight], audits: Mapping[str, Audit],
                                      "no second in the air without a fault in its data")
         tracks += found
     in_time = [t for t in tracks if t.name not in late]
-    if _judged_s(in_time) >= LEAST_S:  # enough is left without those of a clock that cannot be put right
+    if _judged_s(in_time) >= LEAST_S:  # enough remains without those of a clock that cannot be corrected
         left_out |= dict.fromkeys(late, "its clock is wrong and could not be put right")
         cut += [(name, f) for name, faults in late.items() for f in faults]
         tracks, late = in_time, {}

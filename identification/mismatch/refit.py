@@ -64,7 +64,7 @@ class Refitted:
 
     @property
     def taken(self) -> bool:
-        """Whether flights that were left out are predicted better by it, by more than LEAST."""
+        """Whether it predicts left-out flights better, by more than LEAST."""
         clearly = any(low > LEAST for h, (low, _) in self.compared.interval.items() if h > 1)
         return bool(self.compared.held_out and self.compared.better and clearly)
 

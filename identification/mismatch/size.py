@@ -59,13 +59,13 @@ def growth(model: Model, parameter: Parameter) -> float:
 
 
 def typical(parameter: Parameter, element: int) -> float:
-    """Size of what is typical of an element on a vehicle of 40 g, 0 where the parameter says none."""
+    """Typical size of an element on a vehicle of 40 g, 0 if the parameter states none."""
     value = parameter.typical
     return abs(value[min(element, len(value) - 1)] if isinstance(value, tuple) else value)
 
 
 def range_share(parameter: Parameter) -> float:
-    """Size of a parameter that says none."""
+    """Size of a parameter that states no typical value."""
     return min(1.0, SCALE_SHARE * (parameter.upper - parameter.lower))
 
 

@@ -23,8 +23,8 @@ MAPS = terms_that(lambda term: term.is_map)
 PWM_MAPS = terms_that(lambda term: term.is_map and term.input == "pwm")
 IN_PRODUCTS = terms_that(lambda term: term.in_products)
 LEVEL = terms_that(lambda term: term.level)
-"""What a thrust curve contains. Only their ratio pushes; both at once are a gain from command to torque, which has
-other names."""
+"""Terms that a thrust curve contains. Only their ratio acts as a force. Both at once are a gain from command to torque,
+which other terms model."""
 LEAST_SAG_V = number("mismatch.space.least_sag_v")
 
 
@@ -92,7 +92,7 @@ def space_of_other_map(simulator: Model, battery_V: np.ndarray, unasked: tuple[s
 
 
 def reduced(model: Model, believed: tuple[str, ...], named: tuple[str, ...]) -> Model:
-    """The model without the terms at rest that nobody named."""
+    """The model without the terms at rest that were not identified."""
     keep = {*believed, *named}
     lists = fixed_mean(model)
     for base in dict.fromkeys(base for base in lists if base):  # a fit that touched a bound may have left the mean

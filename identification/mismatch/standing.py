@@ -34,7 +34,7 @@ ALONG = number("mismatch.standing.along")
 
 
 def excess(moments: Moments, left: np.ndarray) -> np.ndarray:
-    """(6,) squared length of each channel's projection above what a right simulator leaves."""
+    """(6,) squared length of each channel's projection above that of a right simulator."""
     owner = moments.owner
     return np.array([max(moments.channels[c].spread * float(left[owner == c] @ left[owner == c])
                          - PLAIN * np.sum(owner == c), 0.0) for c in range(6)])
@@ -42,11 +42,11 @@ def excess(moments: Moments, left: np.ndarray) -> np.ndarray:
 
 def hollow(moments: Moments, known: Slopes, named: Named, h: Hypothesis, after: np.ndarray, home: Space,
             found: Sequence[Structure]) -> str:
-    """Why a hypothesis is no name for what is there; empty when it is."""
+    """Why a hypothesis does not explain the residual; empty if it does."""
     without = _level_only(known, named, h, home) if h.term in MAPS else left_without(known, named, h, named.fit, home)
     taken = np.maximum(excess(moments, without) - excess(moments, named.fit.left), 0.0)
     here = taken > ACTS_SHARE * taken.sum()
-    pushes = taken[:3].sum() > MOSTLY * taken.sum()  # a force that no term has says nothing against a name that turns
+    pushes = taken[:3].sum() > MOSTLY * taken.sum()  # an unmodelled force does not contradict a rotation
     acting = {CHANNELS[c].split()[1] for c in np.flatnonzero(here[:3])} if pushes else set()
     left = float(after[here].sum())
     if left > max(LEAST_LEFT, UNEXPLAINED * float(taken[here].sum())):
@@ -89,7 +89,7 @@ def _vain(moments: Moments, known: Slopes, named: Named, h: Hypothesis, home: Sp
 
 
 def in_vain(moments: Moments, known: Slopes, named: Named, home: Space) -> list[tuple[str, str]]:
-    """Names, of those left when others went, that explain less than they leave."""
+    """(term, reason) of effects that explain less than they leave, among those kept after others were rejected."""
     return [(h.term, why) for h in named.accepted if (why := _vain(moments, known, named, h, home))]
 
 
@@ -137,8 +137,8 @@ def overshadowed(moments: Moments, known: Slopes, named: Named, home: Space) -> 
 
 
 def _level_only(known: Slopes, named: Named, h: Hypothesis, home: Space) -> np.ndarray:
-    """(K,) what is left when only the level of the simulator's own thrust curve may change: a curve has to earn its
-    name beyond it."""
+    """(K,) residual when only the level of the simulator's thrust curve may change: another curve has to explain
+    more."""
     model = rested_in(named, [h.term], home)
     here = named.space if h.term in home.terms else home
     own = free_of(here, [g.term for g in named.accepted if g.own])
@@ -147,7 +147,7 @@ def _level_only(known: Slopes, named: Named, h: Hypothesis, home: Space) -> np.n
 
 
 def left_without(known: Slopes, named: Named, h: Hypothesis, fitted: Fit, home: Space) -> np.ndarray:
-    """(K,) what is left of a fit when a hypothesis rests, and what differs between flights stays as it is."""
+    """(K,) residual of a fit with a hypothesis at rest; per-flight values are unchanged."""
     here = named.space if h.term in fitted.model else home
     model = rested(fitted.model, [h.term], here, home)
     if h.own:

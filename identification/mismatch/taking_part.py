@@ -50,7 +50,7 @@ def cutting(audit: Audit) -> tuple[Fault, ...]:
 
 
 def still_late(audit: Audit, moved: Flight, least_s: float) -> tuple[Fault, ...]:
-    """Time errors of ``taking_part`` above ``least_s`` that are left in the recording as it is compared (``moved``)."""
+    """Time errors of ``taking_part`` above ``least_s`` that remain in the compared recording (``moved``)."""
     clocks = {name: kind for name, kind in kinds().items() if kind.left_s is not None}
     streams = {f.stream for f in audit.faults if f.kind in clocks}
     if not streams:

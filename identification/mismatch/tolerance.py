@@ -33,7 +33,7 @@ LEAST_SHAKING = number("mismatch.tolerance.least_shaking")
 
 
 def impossible(term: str, fit: Fit, before: Model) -> str:
-    """Why a fitted term is no vehicle: a sentence, empty when it is one."""
+    """Why a fitted term is not physically plausible: a sentence, empty if it is."""
     old, new = before.parameters, fit.model.parameters
     for name in fit.on_bound:
         if name.startswith(f"{term}.") and new[name] != _neutral(fit.model, name):
@@ -46,7 +46,7 @@ def impossible(term: str, fit: Fit, before: Model) -> str:
 
 
 def feigned(term: str, fit: Fit, before: Model, moments: Moments) -> str:
-    """Why a fitted term is no finding: a sentence, empty when it is one."""
+    """Why a fitted term is no finding: a sentence, empty if it is one."""
     old = before.parameters
     changed = False
     for place, i in enumerate(fit.free):
@@ -55,7 +55,7 @@ def feigned(term: str, fit: Fit, before: Model, moments: Moments) -> str:
             continue
         change = abs(fit.model.values[i] - old.get(name, 0.0))
         sd = float(np.sqrt(fit.covariance[place, place]))
-        if name in fit.own:  # the mean of flights that differ says nothing, how much they differ does
+        if name in fit.own:  # the mean of flights that differ is not informative, their spread is
             slot = slot_of(fit.model, name)
             if slot.parameter.differs is None:
                 least = smallest(name, before, moments, fit.model)
@@ -144,14 +144,14 @@ def _axis(name: str) -> int:
 
 
 def unexplained_share(model: Model, moments: Moments) -> np.ndarray:
-    """(3,) RMS of the turning that a model leaves, over the RMS of the turning."""
+    """(3,) RMS of the rotation that a model does not explain, over the RMS of the rotation."""
     wrench = moments.wrench
     left = wrench.residual(model)[1]
     return np.asarray(np.sqrt(left.var(axis=0) / np.maximum(wrench.measured[1].var(axis=0), 1e-12)))
 
 
 def effect(fit: Fit, before: Model, moments: Moments) -> tuple[float, float]:
-    """RMS of what a fit changes: of force m/s^2, of torque as a share of the residual's own RMS."""
+    """RMS change by a fit: of force m/s^2, of torque as a share of the residual's RMS."""
     wrench = moments.wrench
     new, old = wrench.model(fit.model), wrench.model(before)
     left = wrench.measured[1] - new[1]

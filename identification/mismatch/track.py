@@ -93,8 +93,8 @@ class Track:
 
 def missing(flight: Flight, with_battery: bool = True, rotors: int = 4,
             needed: Mapping[str, Sequence[str]] = WRENCH) -> list[str]:
-    """What of ``needed`` the recording lacks: stream names. Without ``with_battery`` that one may be missing; motors
-    have to be as many as the rotors, at least."""
+    """Names of the ``needed`` streams that the recording lacks. Without ``with_battery`` the battery may be missing. At
+    least as many motors as rotors are needed."""
     def there(name: str, quantities: Sequence[str]) -> bool:
         return name in flight and len(flight[name]) >= 10 and all(q in flight[name] for q in quantities) and (
             name != "motor" or len(motors_of(flight[name])) >= rotors)
@@ -140,7 +140,7 @@ def _contacts(flight: Flight, airborne: Sequence[Span]) -> list[Span]:
     if not airborne:
         return []
     if airborne[0].start_s <= time_s[0] + ROW_S and airborne[-1].end_s >= time_s[-1] - ROW_S:
-        return []  # a log without the ground: its lowest point is none
+        return []  # a log without the ground: its lowest point is not the ground
     resting = z[time_s < airborne[0].start_s]
     rest = float(np.median(resting)) if len(resting) > 10 else float(z.min())
     inside = (time_s > airborne[0].start_s + CONTACT_S) & (time_s < airborne[-1].end_s + CONTACT_S)
@@ -160,7 +160,7 @@ def _track(flight: Flight, span: Span, number: int, take_off_s: float, rotors: i
     last = min(span.end_s, *(flight[name].time_s[-1] for name in needed))
     time_s = np.arange(first, last, ROW_S)
     stamps, keep = np.unique(mocap.time_s, return_index=True)
-    near = np.searchsorted(stamps, [span.start_s, span.end_s])  # what lies beyond may be at fault
+    near = np.searchsorted(stamps, [span.start_s, span.end_s])  # rows beyond may be faulty
     stamps, keep = stamps[slice(*near)], keep[slice(*near)]
     stamps = framed(stamps, mocap["px", "py", "pz"][keep])
     path = CubicSpline(stamps, mocap["px", "py", "pz"][keep])
@@ -253,7 +253,8 @@ def _rough(stamps: np.ndarray, position: np.ndarray) -> float:
 
 
 def _over_row(stream: Stream, names: Sequence[str], time_s: np.ndarray) -> np.ndarray:
-    """(n, k) what acts over each row: the mean where the stream has several samples in it, else the middle's value."""
+    """(n, k) value that acts over each row: the mean of several samples in the row, otherwise the value at its
+    middle."""
     last = np.concatenate((np.diff(stream.time_s) > 0.0, [True]))
     stamps, values = stream.time_s[last], stream[names][last]
     if len(stamps) < 2 or np.median(np.diff(stamps)) > 0.5 * ROW_S:

@@ -69,8 +69,8 @@ def arm_of(tracks: Sequence[Track], wider: float = 1.0) -> Arm | None:
 
 
 def _sideways(wrench: Wrench) -> np.ndarray:
-    """(N, 2) specific force along body x and y that is no thrust. What the thrust gives is smoothed as the path is: in
-    the world, where a turning thrust loses to it."""
+    """(N, 2) specific force along body x and y without thrust. The contribution of the thrust is smoothed like the
+    path: in the world, where smoothing reduces a turning thrust."""
     upright = np.array([0.0, 0.0, 1.0])
     found = []
     for t in wrench.tracks:
@@ -83,7 +83,8 @@ def _sideways(wrench: Wrench) -> np.ndarray:
 
 
 def _beyond_drag(values: np.ndarray, velocity: np.ndarray, flight: np.ndarray) -> np.ndarray:
-    """values (n, 2, ...) less a constant of each flight and axis, and what goes with the velocity along the axis."""
+    """values (n, 2, ...) without a constant of each flight and axis, and without the part proportional to the velocity
+    along the axis."""
     found = np.array(values, float)
     for axis in range(2):
         level = (flight[:, None] == np.unique(flight)).astype(float)
@@ -102,7 +103,7 @@ def _read(left: np.ndarray, columns: np.ndarray, wider: float) -> np.ndarray:
         away = y - x @ r
         sd = max(1.4826 * float(np.median(np.abs(away))), 1e-9)
         weight = np.minimum(1.0, HUBER_SD / np.maximum(np.abs(away) / sd, 1e-9))  # Huber
-        memory = 3.0 * SMOOTH_S / ROW_S  # rows that the smoothing makes alike
+        memory = 3.0 * SMOOTH_S / ROW_S  # rows that the smoothing correlates
         normal = (x * weight[:, None]).T @ x + np.eye(3) * (sd / (USUAL_M * wider)) ** 2 * memory
         r = np.linalg.solve(normal, (x * weight[:, None]).T @ y)
     return r

@@ -1,4 +1,4 @@
-"""What a diagnosis comes to: outcome, paragraph, findings, what is unknown, power - and as JSON."""
+"""Result of a diagnosis: outcome, paragraph, findings, unknown structures, detection limits; also as JSON."""
 
 from __future__ import annotations
 
@@ -45,15 +45,15 @@ UNASKED = {
            "term can be evaluated",
     "battery": "(vbat) a simulator with thrust_voltage cannot be evaluated; one with thrust_pwm could be, and whether "
                "thrust follows the voltage could not be asked"}
-"""What a missing stream keeps from being asked."""
+"""Consequence of each missing stream."""
 ODD_SHARE = number("mismatch.verdict.odd_share")
 
 
 @dataclass(frozen=True, repr=False)
 class Verdict(Result):
     """``body``: the content of verdict.json; ``corrected``: the simulator with the identified effects, None without
-    any; ``left``: makes what the page draws, None where nothing was judged; ``reasoned``: what a
-    refit goes on from; ``believed``: the model equivalent to a simulator that is only a callable."""
+    any; ``left``: makes the plot data of the page, None if no row was judged; ``reasoned``: input of a refit;
+    ``believed``: the model equivalent to a simulator that is only a callable."""
 
     body: dict[str, Any]
     corrected: Model | None
@@ -126,7 +126,7 @@ class Verdict(Result):
 
 
 def not_asked(wrench: Wrench) -> list[dict[str, str]]:
-    """Terms that these flights, or flights at all, say nothing of, and why."""
+    """Terms that these flights, or any flights, cannot show, and why."""
     return [{"term": t, "why": wrench.why_unasked} for t in wrench.unasked] + [
         {"term": t.name, "why": t.not_asked} for t in vocabulary().values()
         if t.not_asked and t.name not in wrench.unasked]
@@ -252,7 +252,7 @@ def _faults_text(recordings: Recordings) -> str:
 
 
 def paragraph(body: Mapping[str, Any], recordings: Recordings, proof: Proof) -> str:
-    """For a person: what, where, how big, how sure, what else it could be, how much better."""
+    """Text of the verdict: effect, place, size, certainty, alternatives, and improvement of the prediction."""
     parts = []
     for entry in body["findings"]:
         term = find_term(entry["term"])

@@ -49,7 +49,7 @@ class Contradiction:
 
 
 def impossible(model: Model) -> Contradiction | None:
-    """What of the motors' positions and spins no vehicle can fly with; None where nothing is wrong."""
+    """Motor positions or spins with which no vehicle can fly; None if they are plausible."""
     vehicle = model.vehicle
     if vehicle.rotors < FEWEST_ROTORS:
         return None
@@ -121,7 +121,7 @@ class Wiring:
 
     @property
     def sentence(self) -> str:
-        """What of the simulator differs."""
+        """How the simulator differs."""
         moved = [i for i, k in enumerate(self.order) if i != k]
         spin = "every rotor spun the other way" if self.flipped else ""
         if not moved:
@@ -136,8 +136,8 @@ class Wiring:
 
 
 def against_flights(wrench: Wrench, model: Model) -> Contradiction | None:
-    """A wiring with which the flights' turning follows their motors, where it does not with the simulator's; None
-    where the simulator's fits, or the flights do not show it."""
+    """A wiring with which the rotation in the flights follows the motors, if it does not with the simulator's. None if
+    the simulator's fits, or if the flights do not show it."""
     patterns = _patterns(model.vehicle)[: 3 if any(name in model for name in SPINNING) else 2]
     return _contradicted(wrench, patterns, model.vehicle.input)
 
@@ -201,7 +201,7 @@ def _slopes(wrench: Wrench, rotors: int, commands: str) -> tuple[np.ndarray, np.
     """Angular acceleration per rotor thrust, (3, rotors), the inverse of its covariance up to the variance (rotors,
     rotors), and the variances (3,) left; None where turning is not compared.
 
-    Thrust is that at the start of each stretch, so that what a controller does about the stretch is not in it.
+    Thrust is that at the start of each stretch, so it excludes the controller's response to the stretch.
     """
     at = wrench.torque_at
     if len(at) < 10 * rotors:
@@ -230,7 +230,7 @@ def _lagged(wanted: np.ndarray, wrench: Wrench, lag_s: float) -> np.ndarray:
 
 
 def _centred(values: np.ndarray, track: np.ndarray) -> np.ndarray:
-    """Without the mean of every track: trim and steady torque are not asked."""
+    """Values without the mean of every track: trim and steady torque are not compared."""
     found = values.copy()
     for k in np.unique(track):
         found[track == k] -= found[track == k].mean(axis=0)

@@ -39,8 +39,8 @@ CHANNELS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
 def kernel(sigma_s: float, order: int) -> np.ndarray:
     """Weights of a Gaussian (order 0) or of its first or second derivative, for ``convolve1d``.
 
-    Sampled derivatives of a Gaussian do not add up to nothing; these do, and give the derivative of any polynomial
-    up to their order exactly.
+    Sampled derivatives of a Gaussian do not sum to zero. These weights do, and give the derivative of any polynomial up
+    to their order exactly.
     """
     t = np.arange(-np.ceil(5.0 * sigma_s / ROW_S), np.ceil(5.0 * sigma_s / ROW_S) + 1) * ROW_S
     weights = np.exp(-0.5 * (t / sigma_s) ** 2)
@@ -99,8 +99,8 @@ class Wrench:
 
     @cached_property
     def torque_at(self) -> np.ndarray:
-        """(M,) rows at which a stretch of TORQUE_ROWS begins over which the torque is compared; none
-        where it is not."""
+        """(M,) first rows of the stretches of TORQUE_ROWS over which the torque is compared; empty if it is not
+        compared."""
         if self.unasked:
             return np.zeros(0, int)
         row = np.arange(len(self.track)) - (self.ends - [len(t) for t in self.tracks])[self.track]
@@ -115,7 +115,7 @@ class Wrench:
 
     @cached_property
     def battery_V(self) -> np.ndarray:
-        """Wherever the residual is judged."""
+        """Battery voltage [V] wherever the residual is judged."""
         return np.asarray(joined(self.tracks, "battery_V")[self._judged])
 
     def of(self, field: str, at: np.ndarray) -> np.ndarray:
@@ -148,7 +148,7 @@ class Wrench:
         return self._of_thrust(model, parameters, *self.thrust(model, parameters))
 
     def thrust(self, model: Model, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(n, rows) thrusts [N] that commands make, lagged where rotors lag, and what was commanded."""
+        """(n, rows) thrusts [N] from the commands, lagged where rotors lag, and the commanded thrusts."""
         inputs = self._inputs(model, values)
         flat = np.concatenate(inputs)
         thrust = np.stack([np.broadcast_to(c, len(flat))

@@ -90,7 +90,7 @@ class _Columns:
         self.group: list[str] = []
 
     def add(self, name: str, force: np.ndarray | None = None, torque: np.ndarray | None = None) -> None:
-        """(N, 3, k), (M, 3, k); None: does nothing there."""
+        """(N, 3, k), (M, 3, k); None: no effect there."""
         many = next(c.shape[2] for c in (force, torque) if c is not None)
         self.force.append(np.zeros((self.sizes[0], 3, many)) if force is None else force)
         self.torque.append(np.zeros((self.sizes[1], 3, many)) if torque is None else torque)
@@ -174,7 +174,7 @@ def _levels(found: _Columns, wrench: Wrench, effects: Sequence[Effect], made: np
 
 
 def _in_time(wrench: Wrench, at: np.ndarray) -> np.ndarray:
-    """(N, 3, k) slow cosines of time, world, every flight its own."""
+    """(N, 3, k) slow cosines of time, world, separate for each flight."""
     flight, since = wrench.flight[at], wrench.of("since_s", at)
     parts = []
     for one in np.unique(flight):
@@ -202,7 +202,7 @@ def _late(wrench: Wrench, made: np.ndarray) -> np.ndarray:
 
 
 def _fast_load(wrench: Wrench, push: np.ndarray) -> np.ndarray:
-    """(M, k) what of the load changes fast: with a trim it turns the vehicle as no lag or delay says exactly."""
+    """(M, k) fast part of the load: with a trim it turns the vehicle in a way that no lag or delay models exactly."""
     track = wrench.track[wrench.torque_at]
     found = np.zeros((len(push), len(LATE_S)))
     for one in np.unique(track):

@@ -87,7 +87,7 @@ def build(wrench: Wrench, space: Space, simulator: Model, seed: int = 0) -> Case
 
 
 def _varying(wrench: Wrench, torque: np.ndarray) -> np.ndarray:
-    """(6, P) share of what columns do that no constant of the flights makes; of forces all: a tilt makes them vary."""
+    """(6, P) share of the columns that no per-flight constant explains. It is 1 for forces: a tilt makes them vary."""
     flight = wrench.flight[wrench.torque_at]
     constant = sum(((flight == f).sum() * torque[flight == f].mean(0) ** 2 for f in np.unique(flight)),
                    np.zeros(torque.shape[1:]))
@@ -126,7 +126,7 @@ def _believed(wrench: Wrench, space: Space, effects: Sequence[Effect], unit: np.
 
 
 def rest_of(slot: Slot, model: Model) -> float:
-    """Where a parameter does nothing."""
+    """Value of a parameter without effect."""
     neutral = slot.parameter.neutral
     if isinstance(neutral, str):
         value = getattr(model.vehicle, neutral)

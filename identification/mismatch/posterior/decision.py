@@ -1,4 +1,4 @@
-"""From probabilities to findings: which effects are named, what else each could be, and how large it is."""
+"""From probabilities to findings: identified effects, indistinguishable alternatives of each, and sizes."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from .sizing import INSIDE, Refined, on_map, parts_of
 from .weighing import Weighing
 
 NAMED = number("posterior.decision.named")
-"""A false name costs this over one less this times what a missed one costs."""
+"""Probability from which an effect is identified: a false effect costs p / (1 - p) times as much as a missed one."""
 LEANING = number("posterior.decision.leaning")
 ALTERNATIVE = number("posterior.decision.alternative")
 """Loss of log evidence by an exchange, below which two effects are indistinguishable in these flights."""
 MATTERS_M_S2 = number("posterior.decision.matters_m_s2")
-"""Physics without a name below this is as good as flights allow."""
+"""Unmodelled physics below this is as good as flights allow."""
 OUTWEIGHS = number("posterior.decision.outweighs")
 """Times the force that no effect explains."""
 NINETY_FIVE = 1.96
@@ -38,7 +38,7 @@ SHOWS = 0.3
 
 @dataclass(frozen=True)
 class Size:
-    """One parameter: what the simulator has, what flights say, and the half width of its 95 % interval."""
+    """One parameter: value of the simulator, estimate from the flights, and half width of its 95 % interval."""
 
     believed: float
     value: float
@@ -47,7 +47,7 @@ class Size:
 
     @property
     def excludes(self) -> bool:
-        """Whether the interval leaves the simulator's value out."""
+        """Whether the interval excludes the simulator's value."""
         return abs(self.value - self.believed) > self.half
 
 
@@ -192,7 +192,7 @@ def _size_of(case: Case, which: int, found: Refined) -> float:
 
 
 def _on_bound(case: Case, which: int, found: Refined) -> bool:
-    """Whether a size ended at a bound, other than where the term does nothing."""
+    """Whether a size ended at a bound, other than that where the term has no effect."""
     effect, part = case.effects[which], dict(parts_of(case, found.chosen, found.step))[which]
     at = (((part <= INSIDE * effect.lower) & (effect.lower < 0.0))
           | ((part >= INSIDE * effect.upper) & (effect.upper > 0.0)))
@@ -306,7 +306,7 @@ def _finding(case: Case, which: int, found: Refined, kind: Mapping[str, float], 
 
 
 def _written(case: Case, found: Refined) -> Model:
-    """The corrected simulator: its own terms and the named ones; another map where that is named."""
+    """The corrected simulator: its own terms and the identified ones; the other map if that is identified."""
     named = tuple(case.effects[i].term for i in found.chosen)
     return reduced(on_map(case, found.chosen, found.model), case.space.believed, named)
 

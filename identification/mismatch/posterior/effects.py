@@ -20,19 +20,19 @@ STARTS: dict[str, tuple[float, ...]] = setting("posterior.effects.starts")
 QUANTILES: tuple[float, ...] = setting("posterior.effects.quantiles")
 """Of the inputs: limits that are tried."""
 FARTHEST = 3.0
-"""Times such a size: a secant says nothing beyond, nor on the other side."""
+"""Multiple of such a size: a secant is not valid beyond, nor on the other side."""
 STEP = 1e-3
-"""Of a parameter's usual size: the slope of what acts nearly linearly."""
+"""Fraction of a parameter's usual size: step for the slope of nearly linear parameters."""
 DISTINCT = 3e-3
 """Relative singular value of a list of parameters, below which a direction does not differ from the others."""
 
 
 @dataclass(frozen=True)
 class Effect:
-    """One reading of a term: k directions in which its parameters may move, from the simulator's values. ``force``
-    (N, 3, k) m/s^2 and ``torque`` (M, 3, k) rad/s^2 per unit of a direction; ``moves`` {flat name: (k,)} what the
-    parameter changes by per unit; ``lower``, ``upper`` (k,) bounds of a direction. ``map_share``: the direction is the
-    share of another thrust map."""
+    """One reading of a term: k directions in which its parameters may move, from the simulator's values. ``force`` (N,
+    3, k) m/s^2 and ``torque`` (M, 3, k) rad/s^2 per unit of a direction; ``moves`` {flat name: (k,)}: change of the
+    parameter per unit; ``lower``, ``upper`` (k,) bounds of a direction. ``map_share``: the direction is the share of
+    another thrust map."""
 
     term: str
     force: np.ndarray
@@ -73,7 +73,7 @@ def within_reach(wrench: Wrench, space: Space) -> Space:
 
 
 def effects_of(wrench: Wrench, space: Space, simulator: Model) -> list[Effect]:
-    """All readings of all terms around ``space.model``: one of what acts nearly linearly, several of what does not."""
+    """All readings of all terms around ``space.model``: one of a nearly linear term, several of others."""
     model = space.model
     here, sizes = wrench.model(model), scales(model)
     found: list[Effect] = []
@@ -184,7 +184,7 @@ def _limits(wrench: Wrench, model: Model, index: int) -> list[float]:
 
 
 def _reached(wrench: Wrench, model: Model, index: int) -> np.ndarray:
-    """What a limit would be compared with, were it not there."""
+    """Inputs or thrusts that a limit would be compared with, calculated without the limit."""
     values = model.values.copy()
     values[index] = model.upper[index]
     judged = np.concatenate([t.counts for t in wrench.tracks])
@@ -231,7 +231,7 @@ def _other_map(wrench: Wrench, model: Model, other: Model, here: Pair) -> Effect
 
 
 def _seen(effect: Effect) -> Effect | None:
-    """Without directions that do nothing in these flights; None where none is left."""
+    """The effect without directions that do nothing in these flights; None if no direction remains."""
     size = np.sqrt((effect.force**2).sum(1).mean(0))
     if effect.torque.size:
         size = size + np.sqrt((effect.torque**2).sum(1).mean(0))

@@ -1,4 +1,4 @@
-"""What a diagnosis by posterior leaves to be drawn."""
+"""Data for the plots of a diagnosis by posterior."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def noise(case: Case, chosen: tuple[int, ...], force: np.ndarray, torque: np.nda
 
 
 def worth(case: Case, decision: Decision) -> Mapping[str, Any]:
-    """Log odds of each term alone, and what became of it."""
+    """Log odds of each term alone, and its outcome."""
     named = {f.term for f in decision.findings}
     alike = {t for f in decision.findings for t in f.equivalent}
 

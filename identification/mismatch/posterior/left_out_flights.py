@@ -1,4 +1,4 @@
-"""Predictions of flights that were left out, before and after: each with its own offsets, which both share."""
+"""Predictions of left-out flights, before and after, each with per-flight offsets that both share."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from .sizing import Refined, moved_by, on_map, parts_of, refine
 WINDOW_S = number("posterior.left_out_flights.window_s")
 """Seconds of flight that hold one independent prediction."""
 MOST = number("posterior.left_out_flights.most")
-"""Nats: what predictions of one flight can say for or against an effect; they start from noisy inputs, which favour a
-sluggish vehicle."""
+"""Nats: most evidence that predictions of one flight give for or against an effect. They start from noisy inputs, which
+favour a sluggish vehicle."""
 KINDS = (slice(0, 2), slice(2, 4))
 """Of ``proof.QUANTITIES``: the path, and turning."""
 GAINS = (0.3, 2.0)
@@ -32,7 +32,7 @@ JUDGED = slice(1, None)
 @dataclass(frozen=True)
 class Improvement:
     """Errors (flights, H, 4) at ``proof.HORIZONS`` of ``proof.QUANTITIES``; ``after`` by sizes that were fitted without
-    the flight. ``ci95`` {steps: (lo, hi)} of the share that is taken away, of what improves most."""
+    the flight. ``ci95`` {steps: (lo, hi)}: removed share of the error of the most improved quantity."""
 
     flights: tuple[str, ...]
     before: np.ndarray
@@ -42,7 +42,7 @@ class Improvement:
 
 
 class Predictions:
-    """Errors of flights that were left out of a fit, kept by what was named."""
+    """Errors of flights that were left out of a fit, cached by the identified effects."""
 
     def __init__(self, case: Case, names: Sequence[str], seed: int) -> None:
         self.case, self.names, self.seed = case, names, seed
@@ -143,7 +143,8 @@ def _own_offsets(case: Case, chosen: tuple[int, ...], step: np.ndarray, model: M
 
 
 def _gain(measured: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """(3,) least squares of measured (n, 3) angular accelerations on what the model made of logged commands."""
+    """(3,) least squares of measured (n, 3) angular accelerations on those that the model predicts from logged
+    commands."""
     made = measured - left
     if len(made) < 2:
         return np.ones(3)

@@ -33,11 +33,12 @@ LAGS: tuple[int, ...] = (2, 3, 4, 6)
 holds."""
 ASKED: tuple[int, ...] = (0, 2, 4, 8, 12, 16)
 MOVES = 0.01
-"""Of the measured angular acceleration: set-points that ask for less are at rest, but for the rounding of their log."""
+"""Fraction of the measured angular acceleration: set-points that require less are at rest, except for rounding in the
+log."""
 INTEGRALS, KEEPS = 3, float(np.exp(-TORQUE_ROWS * ROW_S / 0.5))
 """Leaky integrals of the angular acceleration that the set-points require, over half a second each."""
 KEPT = 1e-6
-"""Of the largest direction of the instruments: smaller ones say nothing."""
+"""Fraction of the largest direction of the instruments: smaller ones are not informative."""
 FREE, MEDIAN_OF_CHI2 = 0.1, 0.455
 """Least share of a row that a fit leaves free; of one degree of freedom."""
 MEMORY = 12
@@ -72,7 +73,7 @@ class Turning:
     _ways: dict[bytes, np.ndarray] = field(default_factory=dict, repr=False)
 
     def of(self, torque: np.ndarray) -> np.ndarray:
-        """(M, 3, C) -> (G, K, C): what the instruments see of columns."""
+        """(M, 3, C) -> (G, K, C): projection of columns onto the instruments."""
         here = torque[self.at, self.axis]
         return np.stack([self.z[mine].T @ here[mine] for mine in (self.flight == g for g in range(len(self.flights)))])
 
@@ -89,7 +90,7 @@ class Turning:
 
 @dataclass(frozen=True)
 class Seen:
-    """What the data see of C columns: forces (R, C) in standard deviations, and what instruments see (G, K, C)."""
+    """Projection of C columns onto the data: forces (R, C) in standard deviations, and instruments (G, K, C)."""
 
     force: np.ndarray
     turning: tuple[np.ndarray, ...]
@@ -124,8 +125,8 @@ class Products:
 
 @dataclass(frozen=True)
 class Rows:
-    """Map from columns to what the data see of them. ``flight`` (R,) of each row of force, 0 .. F - 1; ``sd`` (3,) of a
-    whitened force m/s^2; ``excess`` (3,): ratio of the variance of moments to that of noise alone."""
+    """Map from columns to their projection onto the data. ``flight`` (R,) of each row of force, 0 .. F - 1; ``sd`` (3,)
+    of a whitened force m/s^2; ``excess`` (3,): ratio of the variance of moments to that of noise alone."""
 
     forces: tuple[ForceAxis, ...]
     turnings: tuple[Turning, ...]
@@ -153,8 +154,8 @@ class Rows:
 
 def rows_of(wrench: Wrench, residual: tuple[np.ndarray, np.ndarray], force: np.ndarray, torque: np.ndarray,
             prior: np.ndarray) -> Rows:
-    """The map for a residual, from what columns (N, 3, C) and (M, 3, C) leave of it; ``prior`` (C,): standard deviation
-    of each column's coefficient before any flight."""
+    """The map for a residual, from the part that columns (N, 3, C) and (M, 3, C) do not explain; ``prior`` (C,):
+    standard deviation of each column's coefficient before any flight."""
     forces, flights, sd = _forces(wrench, residual[0], force, prior)
     turnings, excess = _turnings(wrench, residual[1], torque, prior) if len(wrench.torque_at) else ([], np.ones(3))
     numbers, place = np.unique(np.concatenate(flights), return_inverse=True)
@@ -232,7 +233,7 @@ def instruments(wrench: Wrench, axis: int, made: np.ndarray, runs: np.ndarray) -
     if axis < 2 and asked[:, axis].std() > MOVES * wrench.measured[1][:, axis].std():
         moved = [before(asked[:, axis], lag) for lag in ASKED]
         slow = asked[:, axis]
-        for _ in range(INTEGRALS):  # towards tilt and speed, which drag at an arm goes with
+        for _ in range(INTEGRALS):  # towards tilt and speed, with which drag at an arm is correlated
             slow = np.concatenate([lfilter([1.0 - KEEPS], [1.0, -KEEPS], part)
                                    for part in np.split(slow, np.flatnonzero(np.diff(wrench.track[at])) + 1)])
             moved.append(slow)
@@ -295,7 +296,7 @@ class _Group:
         return cls(flights, mine, place, at[mine], np.concatenate([constants, z[mine]], axis=1))
 
     def turning(self, axis: int, weight: np.ndarray, left: np.ndarray) -> Turning:
-        """Each row with its weight, of a noise that is taken to be ``left``."""
+        """Instruments with weighted rows; ``left`` is taken as the noise."""
         weighed = self.z * weight[self.mine, None]
         return Turning(axis, self.flights, self.flight, self.at, weighed,
                        _spread(weighed, left[self.mine], self.flight, len(self.flights)))
@@ -319,8 +320,8 @@ def _left_over(x: np.ndarray, prior: np.ndarray) -> float:
 
 
 def _spread(weighed: np.ndarray, left: np.ndarray, flight: np.ndarray, flights: int) -> np.ndarray:
-    """(G, K, K) covariance of what the noise ``left`` (n,) makes instruments (n, K) see in each flight. No direction
-    has less than half of what white noise of this size makes, however its noise happened to cancel."""
+    """(G, K, K) covariance that the noise ``left`` (n,) causes in instruments (n, K) in each flight. No direction has
+    less than half of the covariance of white noise of this size, even if its noise happened to cancel."""
     found = np.zeros((flights, weighed.shape[1], weighed.shape[1]))
     score = weighed * left[:, None]
     for f in range(flights):

@@ -30,18 +30,18 @@ WIDTH = number("posterior.set_evidence.width")
 PRIOR = number("posterior.set_evidence.prior")
 """Probability of a term before any flight."""
 SPIKE = number("posterior.set_evidence.spike")
-"""m/s^2 by which every term may be off without being a finding."""
+"""m/s^2 by which every term may be wrong without being a finding."""
 LOOSE = number("posterior.set_evidence.loose")
-"""Share of what a believed term does that may be off, too."""
+"""Share of a believed term's contribution that may also be wrong."""
 UNNAMED = number("posterior.set_evidence.unnamed")
 """Share of the discrepancy that may lie along any one slope."""
 MOST = count("posterior.set_evidence.most")
 FREE = 1.0
-"""m/s^2: a term with so much room is free."""
+"""m/s^2: a term with this standard deviation is free."""
 CANCELS = 2.0
-"""A set whose terms make so many times their sum along an axis cancels, and is no explanation."""
+"""Ratio of a set's terms to their sum along an axis, above which they cancel and are no explanation."""
 CONCERNED = 0.1
-"""Share of all that a set does from which on an axis counts for that."""
+"""Share of a set's whole contribution from which an axis counts for that."""
 GRID = (0.0, 0.01, 0.02, 0.04, 0.07, 0.12, 0.2, 0.35, 0.6, 1.0, 1.8, 3.0)
 """m/s^2: amplitudes that are tried."""
 MEANS: dict[str, float] = setting("posterior.set_evidence.amplitudes")
@@ -65,7 +65,7 @@ GAINS = ("inertia", "yaw_torque")
 """Terms of the gain from command to moment, which commands that shake between rows change."""
 UNNAMED_GROUPS = ("place", "air", "thrust", "late", "turn_place", "turn_air", "turn_thrust", "yaw_place", "yaw_air",
                   "yaw_thrust")
-"""Of the background: what an effect may be taken for."""
+"""Groups of the background that an effect may be confused with."""
 
 
 @dataclass
@@ -171,8 +171,8 @@ class Evidence:
         return np.asarray(deviation * solve_triangular(factor.T, half, lower=False))
 
     def weighed(self, chosen: tuple[int, ...]) -> tuple[float, np.ndarray, np.ndarray]:
-        """Log evidence of a set over none, sizes marginalised; its coefficients and their slab at the most probable
-        scales."""
+        """Log evidence of a set over no effect, sizes marginalised; its coefficients and their slab at the most
+        probable scales."""
         if not chosen:
             return 0.0, np.zeros(0), np.zeros(0)
         left, over = self.lifted if self.takes_lift(chosen) else (self.rest, 0.0)
@@ -238,7 +238,7 @@ class Evidence:
         self.lifted = rest, lifted - none
 
     def takes_lift(self, chosen: Iterable[int]) -> bool:
-        """Whether a set says what thrust as a whole is."""
+        """Whether a set determines thrust as a whole."""
         return any(self.effects[i].term in TWINS for i in chosen)
 
     def _unnamed(self, spike: np.ndarray) -> np.ndarray:
@@ -293,7 +293,7 @@ class Evidence:
                 and all(len(f.intersection(names)) < 2 for f in FAMILIES))
 
     def log_prior(self, chosen: Sequence[int]) -> float:
-        """Of a set, less that of none: readings of one term share its probability."""
+        """Log prior of a set minus that of the empty set: readings of one term share its probability."""
         readings = [sum(e.term == self.effects[i].term for e in self.effects) for i in chosen]
         return sum(float(np.log(PRIOR / (1.0 - PRIOR) / n)) for n in readings)
 

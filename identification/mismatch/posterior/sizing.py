@@ -16,7 +16,7 @@ from .rows import Products, Seen
 from .set_evidence import TWINS
 
 STEPS, NEAR = 8, 0.1
-"""Gauss-Newton steps; of a standard deviation: a shorter step is none."""
+"""Number of Gauss-Newton steps; fraction of a standard deviation: a shorter step has converged."""
 WIDE = 3.0
 """Times a size: the least standard deviation of its prior where it is estimated, so that it is not shrunk towards the
 simulator."""
@@ -51,7 +51,7 @@ class Refined:
 
 def _solved(case: Case, chosen: tuple[int, ...], across: Products, slab: np.ndarray, at: np.ndarray,
             without: Sequence[int] = ()) -> tuple[np.ndarray, np.ndarray]:
-    """(k,) most probable coefficients, where ``across`` is of slopes and of what is left at coefficients ``at``; (k, k)
+    """(k,) most probable coefficients, where ``across`` is of slopes and of the residual at coefficients ``at``; (k, k)
     their covariance."""
     reduced = case.beside(across, chosen, without)
     covariance = np.linalg.inv(reduced[:-1, :-1] + np.diag(slab**-2.0))
@@ -106,7 +106,7 @@ def moved_by(case: Case, chosen: tuple[int, ...], step: np.ndarray) -> Model:
 
 
 def _slopes(case: Case, chosen: tuple[int, ...], step: np.ndarray, unit: np.ndarray) -> Seen:
-    """k + 1 columns: what directions do at a step, per m/s^2, and what is left there."""
+    """k + 1 columns: effect of the directions at a step, per m/s^2, and the residual there."""
     wrench = case.wrench
     here = wrench.model(moved_by(case, chosen, step))
     force, torque = (m - h for m, h in zip(wrench.measured, here, strict=True))
@@ -134,7 +134,7 @@ def _small(lower: float, upper: float, at: float) -> float:
 
 
 def on_map(case: Case, chosen: tuple[int, ...], model: Model) -> Model:
-    """A model of the space on the other thrust map, where that is named."""
+    """A model of the space, on the other thrust map if that is identified."""
     if not any(case.effects[i].map_share for i in chosen):
         return model
     other = with_other_map(model, float(np.median(case.wrench.battery_V)))

@@ -40,7 +40,7 @@ class Weighing:
         return self._sizes[chosen]
 
     def predict(self, chosen: Chosen) -> float:
-        """Log likelihood of a set over none."""
+        """Log likelihood of a set over no effect."""
         if chosen not in self.told:
             self.told[chosen] = self.judge(self.sizes(chosen), self.sizes(())) if chosen else 0.0
         return self.told[chosen]

@@ -1,1 +1,1 @@
-"""Diagnosis from the steady trim: what changed on a vehicle, against its own normal flights."""
+"""Diagnosis from the steady trim: changes of a vehicle relative to its normal flights."""

@@ -35,14 +35,15 @@ SUREST = number("mismatch.comparison.surest")
 ODD = number("mismatch.comparison.odd")
 MENTIONED = number("mismatch.comparison.mentioned")
 FEWEST = 2
-"""Normal flights, and flights of a folder, without which nothing is named."""
+"""Minimum number of normal flights, and of flights of a folder, to identify a cause."""
 ASKEW = number("mismatch.comparison.askew")
 STRANGE = number("mismatch.comparison.strange")
 
 
 @dataclass(frozen=True)
 class Flights:
-    """The normal state. trims: those that count; odd {name: why}: those that do not; swing: of the normal flights."""
+    """The normal state. trims: those that count; odd {name: reason}: those that do not; swing: of the normal
+    flights."""
 
     normal: Normal
     trims: tuple[Trim, ...]
@@ -50,7 +51,7 @@ class Flights:
 
 
 def normal_flights(trims: Sequence[Trim], body: Body, same_day: bool = False) -> Flights:
-    """Normal flights that agree with each other. same_day: those asked about were flown on the same day, with the same
+    """Normal flights that agree with each other. same_day: the examined flights are from the same day, with the same
     motors and propellers. InputError for fewer than FEWEST."""
     if len(trims) < FEWEST:
         raise InputError("normal flights", f"{len(trims)} with a trim", f"{FEWEST} are needed: one has no spread")
@@ -153,7 +154,7 @@ def _body(outcome: str, text: str, findings: list[dict[str, Any]], unknown: Any,
 
 
 def _findings(found: Weighed, normal: Normal, body: Body) -> list[dict[str, Any]]:
-    """The cause that is sure, or those that are sure together (``class_of``); none else."""
+    """The cause that is sure, or those that are sure together (``class_of``)."""
     turned = abs(YAW @ found.delta["gains"]) > TURNED * found.sd["gains"]
     named = class_of(found, LOADS - {"mass"} if turned else ())
     causes, best = set(named), named[0] if named else max(CAUSES, key=found.of)
@@ -207,7 +208,7 @@ def _causes(found: Weighed) -> list[dict[str, Any]]:
 
 
 def _member(found: Weighed, cause: str) -> dict[str, Any]:
-    """One cause of those that are named: {cause, motors that are sure of it, posterior, dose}."""
+    """One identified cause: {cause, motors that it surely affects, posterior, dose}."""
     motors, h, weights = _best(found, cause)
     return {"cause": cause, "motors": list(motors), "posterior": found.of(cause), "dose": _dose(h, weights)}
 
@@ -262,7 +263,7 @@ def _nearest(h: Hypothesis | None, weights: np.ndarray, body: Body) -> tuple[int
 
 
 def _share(found: Weighed, h: Hypothesis | None, weights: np.ndarray) -> float | None:
-    """Of the squared change of the motors' trim, what the cause explains."""
+    """Share of the squared change of the motors' trim that the cause explains."""
     if h is None:
         return None
     left = found.delta["gains"] - weights @ h.gains
@@ -291,7 +292,7 @@ def _settle(causes: set[str]) -> str | None:
 
 
 def _trim_table(trims: Sequence[Trim], flights: Flights, found: Weighed) -> dict[str, Any]:
-    """What the picture shows: change of the thrust asked of each motor [%], its spread, and each flight's."""
+    """Data of the plot: change of each motor's commanded thrust [%], its spread, and the values of each flight."""
     normal = flights.normal
     base = normal.mean["gains"]
     return {"motors": [1, 2, 3, 4], "change_percent": (100.0 * found.delta["gains"]).tolist(),

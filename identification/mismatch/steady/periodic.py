@@ -71,7 +71,7 @@ def frequencies() -> np.ndarray:
 
 
 def swing_in(states: States, runs: Sequence[Span]) -> Swing:
-    """The spectrum of what the tilt does not explain of one flight's horizontal acceleration."""
+    """Spectrum of one flight's horizontal acceleration, without the part that the tilt explains."""
     unknown = Swing(np.full((FREQUENCIES, 2), np.nan), 0, np.full((FREQUENCIES, 3), np.nan), np.full(2, np.nan), 0.0)
     total, moments, count = np.zeros((FREQUENCIES, 2)), np.zeros((FREQUENCIES, 3)), 0
     unit, seconds = np.zeros(2), 0.0

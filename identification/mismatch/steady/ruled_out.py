@@ -1,4 +1,5 @@
-"""Why it is not another cause: what that would have had to be, and what it leaves of the trim unexplained."""
+"""Why the other causes are rejected: the size that each would need, and the part of the trim that it does not
+explain."""
 
 from __future__ import annotations
 
@@ -14,13 +15,13 @@ from .weigh import NONE, Weighed
 
 BALANCES = (("lift", (1, 1, 1, 1)), ("the balance left to right", (-1, -1, 1, 1)),
             ("the balance front to back", (-1, 1, 1, -1)), ("the yaw balance", (-1, 1, -1, 1)))
-"""What the commands of motors 1..4 add up to, and their signs."""
+"""Sums of the commands of motors 1..4, with their signs."""
 LEFT = number("mismatch.ruled_out.left")
 UNLIKELY = number("mismatch.ruled_out.unlikely")
 
 
 def against(found: Weighed, best: str, named: Collection[str]) -> list[dict[str, Any]]:
-    """Per other cause: {cause, odds, why}; odds of it against the one that was named."""
+    """Per other cause: {cause, odds, why}; odds of it against the identified one."""
     reasons = []
     for cause in (*CAUSES, NONE):
         if cause in named:

@@ -88,7 +88,7 @@ def _smallest(power: np.ndarray, usual: np.ndarray, unit: np.ndarray, run_s: np.
 
 
 def _window(bins: np.ndarray) -> np.ndarray:
-    """What a Hann window leaves of an amplitude so many bins away (Harris 1978, Proc. IEEE 66)."""
+    """Response of a Hann window to an amplitude so many bins away (Harris 1978, Proc. IEEE 66)."""
     x = np.asarray(bins, float)
     pole = np.isclose(np.abs(x), 1.0)
     return np.where(pole, 0.5, np.sinc(x) / np.where(pole, 1.0, 1.0 - x**2))

@@ -136,7 +136,7 @@ def runs_of(flight: Flight, audit: Audit, command: np.ndarray, time_s: np.ndarra
 
 
 def _knows_height(flight: Flight) -> bool:
-    """Whether a log says how high it flew; without that motors that run are all there is."""
+    """Whether a log contains the height; without it, only running motors show the flight."""
     return any(name in flight and z in flight[name] for name, z in HEIGHTS)
 
 
@@ -217,8 +217,8 @@ def _course(flight: Flight, states: States, thrust: np.ndarray, runs: list[Span]
 
 
 def _intercept(signal: np.ndarray, velocity: np.ndarray, slope: float) -> tuple[np.ndarray, np.ndarray]:
-    """Value at zero velocity of each column and its standard deviation; slopes have a Gaussian prior. Blocks that
-    follow each other are alike: the spread of the mean is widened by their lag-one correlation."""
+    """Value at zero velocity of each column and its standard deviation; slopes have a Gaussian prior. Consecutive
+    blocks are correlated: the spread of the mean is widened by their lag-one correlation."""
     design = np.column_stack([np.ones(len(signal)), velocity])
     spread = np.maximum(np.std(signal, axis=0), 1e-9)
     values, sd = np.full(signal.shape[1], np.nan), np.full(signal.shape[1], np.nan)
@@ -237,13 +237,13 @@ def _intercept(signal: np.ndarray, velocity: np.ndarray, slope: float) -> tuple[
 
 
 def _columns(flight: Flight) -> tuple[str, ...]:
-    """The source's names of the commands: before and after the battery compensation they mean different things."""
+    """The source's names of the commands: their meaning differs before and after the battery compensation."""
     stream = flight["motor"]
     return tuple(stream.columns[stream.index(f"m{i}")] for i in (1, 2, 3, 4))
 
 
 def _height(flight: Flight, time_s: np.ndarray, rows: np.ndarray) -> float:
-    """Height over where it stood first [m]: a load on a longer string never leaves the ground."""
+    """Height over the start [m]: a load on a longer string never leaves the ground."""
     for name, z in HEIGHTS:
         if name in flight and z in flight[name]:
             stream = flight[name]

@@ -1,4 +1,4 @@
-"""Recordings -> what a comparison of trims needs: one item a flight, so that a run goes on where it was killed."""
+"""Inputs for a comparison of trims, from recordings: one item a flight, so that an interrupted run can continue."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .weigh import LOADS
 
 
 def trim_item(flight: Flight) -> dict[str, Any]:
-    """{trim, swing} of a flight, or {why} it has none."""
+    """{trim, swing} of a flight, or {why} with the reason for having neither."""
     verdict = audit(flight)
     try:
         trim = trim_of(flight, verdict)
@@ -46,8 +46,9 @@ def trims_in(values: Mapping[str, Mapping[str, Any]]) -> tuple[list[Trim], list[
 
 def body_of(normal: Sequence[Trim], mass_kg: float | None = None, simulator: Model | None = None,
             nothing_added: bool = False) -> Body:
-    """The vehicle: of the simulator where there is one; else a Crazyflie, its mass what the firmware's thrust curve
-    says its normal flights carried. ``nothing_added``: to the vehicle, as its user knows."""
+    """The vehicle of the simulator, if there is one; otherwise a Crazyflie. Its mass is then the one that its normal
+    flights carried by the firmware's thrust curve. ``nothing_added``: the user states that nothing was added to the
+    vehicle."""
     absent = LOADS if nothing_added else frozenset()
     vehicle = simulator.vehicle if simulator is not None else Vehicle()
     motors = np.array(vehicle.motor_positions_m, float)

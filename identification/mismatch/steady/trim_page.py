@@ -62,7 +62,7 @@ def _pictures(body: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _trim(trim: Mapping[str, Any]) -> dict[str, Any]:
-    """Thrust asked of each motor: band of normal flights, their dots, dots and mean of the flights asked about."""
+    """Commanded thrust of each motor: band and dots of the normal flights, dots and mean of the examined flights."""
     usual = np.array([f["change_percent"] for f in trim["normal_flights"]]).reshape(-1, 4)
     here = np.array([f["change_percent"] for f in trim["flights"]])
     most = max(LEAST_RANGE, 1.1 * float(np.abs(np.concatenate([usual, here])).max()))

@@ -1,4 +1,4 @@
-"""What a comparison of trims could have seen, and how well its cause predicts flights that were left out."""
+"""Detection limits of a comparison of trims, and how well its cause predicts left-out flights."""
 
 from __future__ import annotations
 

@@ -22,8 +22,8 @@ K_M_M = number("mismatch.trim_simulator.k_m_m")
 
 def simulator_of(normal: Normal, body: Body) -> Model | None:
     """The firmware's thrust curve, scaled so that the trim carries the weight, with a gain per motor; the rest is of
-    the type. None where the battery was not measured. Unequal gains stand for a centre of mass off the middle too:
-    hover shows both alike."""
+    the type. None where the battery was not measured. Unequal gains also represent a centre of mass off the middle: the
+    two are indistinguishable in hover."""
     if not normal.known_lift:
         return None
     tilt = {} if np.isnan(normal.mean["level"]).any() else {"frame_tilt": {
@@ -75,7 +75,7 @@ def _with_gains(model: Model, gains: np.ndarray) -> Model:
 
 
 def corrected(model: Model, finding: Mapping[str, Any]) -> Model | None:
-    """``model`` with a finding of ``steady.compare``; None for causes that are no number of a simulator."""
+    """``model`` with a finding of ``steady.compare``; None for causes that are no parameter of a simulator."""
     sizes = {name: p["value"] for name, p in finding["parameters"].items()}
     vehicle = model.vehicle
     if finding["causes"][0] in ("propeller", "tape"):

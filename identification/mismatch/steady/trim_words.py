@@ -1,4 +1,4 @@
-"""What a comparison of trims says to a person."""
+"""Text of a comparison of trims."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def _rather(found: Weighed) -> str:
 def paragraph(outcome: str, findings: Sequence[Mapping[str, Any]], unknown: Mapping[str, Any] | None, found: Weighed,
                trims: Sequence[Trim], normal: Normal, odd: Mapping[str, str], power: Mapping[str, Any],
                improvement: Mapping[str, Any] | None, left_out: Mapping[str, str], least: int) -> str:
-    """What, where, how big, how sure, what it is not and why, what flights left out say."""
+    """Cause, place, size, certainty, rejected causes with reasons, and the prediction of left-out flights."""
     change = ", ".join(f"{100 * d:+.1f}" for d in found.delta["gains"])
     usual, count = ("normal", f"{normal.n} normal flights, ") if normal.n else ("the simulator", "")
     seen = (f"Thrust asked of motors 1 to 4 against {usual}: {change} % (spread of a normal flight "

@@ -24,7 +24,7 @@ from .trim import Trim
 PRIOR = setting("mismatch.weigh.prior")
 SAME_DAY_SD = number("mismatch.weigh.same_day_sd")
 LOADS = frozenset({"weight", "slung", "mass"})
-"""Causes that there are not where nothing was added to the vehicle."""
+"""Causes that are excluded if nothing was added to the vehicle."""
 SWINGS_BY_CHANCE = number("mismatch.weigh.swings_by_chance")
 GROUPS = tuple(PRIOR)
 NONE = "none"
@@ -32,9 +32,8 @@ NONE = "none"
 
 @dataclass(frozen=True)
 class Normal:
-    """mean, sd of a flight and degrees of freedom per quantity; n flights, 0 for a simulator; names;
-    known_lift: whether all had a
-    battery. Channels that a flight lacks are nan in the mean."""
+    """mean, sd of a flight and degrees of freedom per quantity; n flights, 0 for a simulator; names; known_lift:
+    whether all had a measured battery. Channels that a flight lacks are nan in the mean."""
 
     mean: Mapping[str, np.ndarray]
     sd: Mapping[str, float]
@@ -67,8 +66,8 @@ class Weighed:
 
 
 def normal_of(trims: Sequence[Trim], same_day: bool = False) -> Normal:
-    """What normal flights say: two at least, since one has no spread. ``same_day``: those asked about were flown on the
-    same day, with the same motors and propellers."""
+    """Mean and spread of normal flights: two at least, since one has no spread. ``same_day``: the examined flights are
+    from the same day, with the same motors and propellers."""
     values = {name: np.array([getattr(t, name) for t in trims]) for name in GROUPS}
     mean, sd, freedom = {}, {}, {}
     lift = all(t.known_lift for t in trims)
@@ -84,7 +83,7 @@ def normal_of(trims: Sequence[Trim], same_day: bool = False) -> Normal:
 
 
 def _shares(gains: np.ndarray) -> np.ndarray:
-    """(..., 4) -> (..., 3) orthonormal contrasts among the motors: without what all have in common."""
+    """(..., 4) -> (..., 3) orthonormal contrasts among the motors, without their common part."""
     contrasts = np.array([[-1, -1, 1, 1], [-1, 1, 1, -1], [-1, 1, -1, 1]]) / 2.0
     return gains @ contrasts.T
 

@@ -1,4 +1,4 @@
-"""What a cause is: sizes it may have, and what each does to the trim of a hovering vehicle."""
+"""Causes of a change: possible sizes, and the effect of each on the trim of a hovering vehicle."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Sizes = Mapping[str, tuple[float, float, float]]
 @dataclass(frozen=True)
 class Body:
     """Known properties of the vehicle: motors (4, 2) m, x forward and y left of each; mass_kg; height_m it flew at;
-    ``swing``: a periodic force that the flights show, or None; ``absent``: causes that the user knows it is not."""
+    ``swing``: a periodic force that the flights show, or None; ``absent``: causes that the user excludes."""
 
     motors: np.ndarray
     mass_kg: float
@@ -42,10 +42,12 @@ class Size:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """One way a cause may act: at ``motors``, with sizes drawn from their ranges. ``gains`` (n, 4): change of the ln
-    thrust that the commands ask for; ``push`` (n, 2) m/s^2 of horizontal force over mass. ``spread``: instead of
-    draws, {quantity: sd} of Gaussian changes without further shape. ``share``: of the cause's prior. ``seen``: how
-    likely it makes it that the flights show as much of a swing as they do."""
+    """One way a cause may act: at ``motors``, with sizes drawn from their ranges.
+
+    ``gains`` (n, 4): change of the commanded ln thrust; ``push`` (n, 2): m/s^2 of horizontal force over mass.
+    ``spread``: instead of draws, {quantity: sd} of Gaussian changes without further shape. ``share``: of the cause's
+    prior. ``seen``: probability, under the hypothesis, of the swing in the flights.
+    """
 
     cause: str
     motors: tuple[int, ...]

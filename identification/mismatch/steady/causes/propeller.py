@@ -1,7 +1,7 @@
 """A damaged propeller: it gives less thrust at the same voltage, so its motor alone has a higher command.
 
-The thrusts that balance the vehicle stay what they were; of the commands only that motor's changes. A weight cannot do
-that: its moment falls on pairs of motors, never on the yaw balance.
+The thrusts that balance the vehicle are unchanged; only that motor's command changes. A weight cannot cause this: its
+moment acts on pairs of motors, never on the yaw balance.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A strip of tape, or dirt, on a propeller: it shakes, and costs a few per cent of that motor's thrust at most.
 
-Below LOSS a damaged blade looks the same in the trim; both are then said.
+Below LOSS a damaged blade looks the same in the trim; both are then reported.
 """
 
 from __future__ import annotations

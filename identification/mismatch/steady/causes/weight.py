@@ -23,7 +23,7 @@ REACH = number("mismatch.weight.reach")
 
 
 def loads(body: Body) -> tuple[tuple[Size, ...], np.ndarray]:
-    """(mass g, x mm, y mm) of draws, and the change of the ln thrust (n, 4) each asks for."""
+    """(mass g, x mm, y mm) of draws, and the change of the ln thrust (n, 4) that each requires."""
     u = draws(3)
     span = REACH * np.abs(body.motors).max(axis=0)
     share, place = MOST * u[:, 0], (2.0 * u[:, 1:] - 1.0) * span
