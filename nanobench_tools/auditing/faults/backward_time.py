@@ -1,8 +1,8 @@
-"""backward_time: a timestamp lies before that of an earlier row.
+"""backward_time: a stamp lies before that of an earlier row.
 
-Found by a step backwards in the timestamps. The rows between the step and the moment at which the timestamps have
-caught up are in doubt. The span covers the times that occur twice. Shared timestamps are reported once, with no stream.
-Size: seconds of the step. Smallest found: any step to before the row ahead (one that only shortens a row is none).
+Found by a step backwards in the stamps. The rows between the step and the moment at which the timestamps have caught
+up are in doubt. The span covers the times that occur twice. Shared stamps are reported once, with no stream. Size:
+seconds of the step. Smallest found: any step to before the row ahead (one that only shortens a row is none).
 """
 
 from __future__ import annotations

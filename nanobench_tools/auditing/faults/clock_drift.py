@@ -1,4 +1,4 @@
-"""clock_drift: the timestamps of a stream gain or lose against the motion capture, at one rate over the whole flight.
+"""clock_drift: the stamps of a stream gain or lose against the motion capture, at one rate over the whole flight.
 
 Found as the slope of the time error over the flight (``drift_and_wander``). It uses half-second lags of gyro and
 attitude, and the estimated position along its path. The slope must exceed what the scatter around the line explains
@@ -28,7 +28,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
 
 
 def _left_s(fault: Fault) -> float:
-    """The largest time error: the timestamps of a drift are least wrong in the middle."""
+    """The largest time error: the stamps of a drift are least wrong in the middle."""
     return abs(fault.size) * 0.5 * (fault.end_s - fault.start_s)
 
 

@@ -1,4 +1,4 @@
-"""clock_offset: the timestamps of a stream are late (positive) or early by a constant against the motion capture.
+"""clock_offset: the stamps of a stream are late (positive) or early by a constant against the motion capture.
 
 Found where the 95 % interval of the offset (``constant.readings``) excludes zero by more than 5 ms. The gyro shows the
 clock of the vehicle's link. An estimator's stream that follows it by -15 to 50 ms shares it (that much may be the

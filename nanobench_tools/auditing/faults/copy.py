@@ -1,6 +1,6 @@
 """copy: two recordings hold the same numbers.
 
-Found by a fingerprint of timestamps and values of all streams: not of bytes, names, sheets or the time of day. One
+Found by a fingerprint of stamps and values of all streams: not of bytes, names, sheets or the time of day. One
 recording alone cannot show it, so ``audit.find_copies`` compares many. Then ``audit.with_copies`` writes the fault
 into the verdicts of all but the first of a group. A recording that is a stretch of another (the slices of a benchmark)
 is no copy. The function ``parts`` finds these, so that no flight is counted twice.
@@ -23,11 +23,11 @@ from .kind import FaultKind
 KIND = "copy"
 
 SAME_TIME_S = 1e-4
-"""Absolute timestamps of one frame in two files agree to the rounding of a double of 1.7e9 s."""
+"""Absolute stamps of one frame in two files agree to the rounding of a double of 1.7e9 s."""
 
 
 def fingerprint(flight: Flight) -> str:
-    """SHA-256 over stream names, quantities, timestamps and values (rounded to 1e-6 s and 1e-9)."""
+    """SHA-256 over stream names, quantities, stamps and values (rounded to 1e-6 s and 1e-9)."""
     digest = hashlib.sha256()
     for name in sorted(flight.streams):
         stream = flight.streams[name]

@@ -1,8 +1,8 @@
-"""duplicate_time: two or more rows carry the same timestamp.
+"""duplicate_time: two or more rows carry the same stamp.
 
-Found by equal neighbours among the timestamps. Streams of one table share their timestamps, and a fault of shared
-timestamps is reported once, with no stream. Where most rows share theirs, it is ``coarse_time``. Size: rows that repeat
-a timestamp. Smallest found: 1 row.
+Found by equal neighbours among the stamps. Streams of one table share their stamps, and a fault of shared stamps is
+reported once, with no stream. Where most rows share theirs, it is ``coarse_time``. Size: rows that repeat a stamp.
+Smallest found: 1 row.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ KIND = "duplicate_time"
 
 
 def find(flight: Flight, context: Context) -> list[Fault]:
-    """One fault per run of repeated timestamps."""
+    """One fault per run of repeated stamps."""
     faults = []
     coarse = {stream for stream, _ in context.once(coarse_tables)}
     for stream, t in (table for table in context.once(tables) if table[0] not in coarse):

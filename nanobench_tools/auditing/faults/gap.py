@@ -1,10 +1,10 @@
 """gap: no sample of a stream for a while.
 
-Found in two ways. Resampled streams: rows on a straight chord that moves (chord test) between two packets further apart
-than 0.1 s. If the stream is slower than 50 Hz, the limit is 10 of its usual packet intervals (equal readings hide
-packets). Streams with separate timestamps: timestamps that far apart. For the motion capture: frames further apart than
-0.05 s (single frames are lost ordinarily, 20-40 ms). Where poses came irregularly, the limit is 2.5 times the step that
-95 % of them do not exceed. When the rows of a table are missing, they are missing for each of its streams.
+Found in two ways. Resampled streams: rows on a straight chord that moves (chord test) between two packets further
+apart than 0.1 s. If the stream is slower than 50 Hz, the limit is 10 of its usual packet intervals (equal readings
+hide packets). Streams with separate stamps: stamps that far apart. For the motion capture: frames further apart than
+0.05 s (single frames are lost ordinarily, 20-40 ms). Where poses came irregularly, the limit is 2.5 times the step
+that 95 % of them do not exceed. When the rows of a table are missing, they are missing for each of its streams.
 
 A setpoint that is planned as a straight line is rightly a straight chord. Setpoints are therefore judged only under
 three conditions. The chord lasts more than 0.25 s. Most rows of the half second on either side bend (as those of a
@@ -58,7 +58,8 @@ def _bends_around(straight: np.ndarray, a: int, b: int) -> bool:
 
 
 def _kinked(values: np.ndarray, a: int, b: int) -> bool:
-    """Whether the chord over rows a - 1 to b of ``values`` (n, k) has larger bends at both ends than its neighbours."""
+    """Whether the chord over rows a - 1 to b of ``values`` (n, k) begins and ends with bends larger than those of its
+    neighbours."""
     bend = np.abs(np.diff(values, 2, axis=0)).max(axis=1)  # of the row after each
     beside = np.concatenate([bend[max(a - 52, 0):max(a - 3, 0)], bend[b + 1:b + 51]])
     ends = [bend[max(row - 2, 0):row + 1] for row in (a - 1, b)]

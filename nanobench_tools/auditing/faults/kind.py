@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     from ...signals.context import Context
 
 Group = Literal["lost", "value", "clock", "flight", "information"]
-"""What a kind does: rows are lost, values wrong, timestamps wrong, the flight ended badly; or it is only worth
-knowing."""
+"""What a kind does: rows are lost, values wrong, stamps wrong, the flight ended badly; or it is only worth knowing."""
 Severity = Literal["cut", "corrected", "noted", "information"]
 
 

@@ -18,7 +18,7 @@ def over_stream(kind: str, flight: Flight, name: str, quantities: Iterable[str] 
                 evidence: str, minimum_detectable: float = math.nan) -> Fault:
     """A fault from the first to the last row of a stream; ``quantities`` None means all its columns."""
     stream = flight[name]
-    # timestamps may go backwards
+    # stamps may go backwards
     start, end = (float(np.min(stream.time_s)), float(np.max(stream.time_s))) if len(stream) else (0.0, 0.0)
     columns = stream.columns if quantities is None else tuple(stream.columns[stream.index(q)] for q in quantities)
     return Fault(kind, name, columns, start, end, float(size), unit, evidence, minimum_detectable)
