@@ -10,8 +10,7 @@ from ..methods import Estimate
 
 
 class OnboardEkf:
-    """Position and velocity of the ``estimator`` stream, attitude of ``attitude_qw`` (else ``attitude``) at its
-    timestamps.
+    """Position and velocity of the ``estimator`` stream, attitude of ``attitude_qw`` (else ``attitude``) at its stamps.
 
     It was given the motion capture poses over radio, so it is no rival of a method that has to do without.
     """
