@@ -95,7 +95,7 @@ def test_the_main_job_has_the_rows_of_the_verbs_on_each_clock_and_shows_them(nan
     assert {r["clock"] for r in reckoned} == {"as-recorded", "retimed"}
     assert {w["clock"] for w in body["windows"]} == {"as-recorded", "offset", "retimed", "joint"}
     page = (tmp_path / "all" / "report.html").read_text()
-    assert "Dead reckoning:" in page
+    assert "Dead reckoning, after the last pose." in page
     assert "constant offset removed, re-timed" in page
     assert "re-timed" in (tmp_path / "all" / "table_task3_clocks.tex").read_text()
     assert "clock" in (tmp_path / "all" / "table_task3_clean.csv").read_text("utf-8-sig").splitlines()[0].split(",")
