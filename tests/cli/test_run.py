@@ -107,7 +107,7 @@ def test_the_main_job_leaves_all_results_labelled_synthetic(whole_job):
 def test_json_holds_all_results_and_odd_names_of_files_do_no_harm(whole_job):
     code, out, err, place, path = whole_job
     assert code == 0, err
-    assert any(line.startswith("b[bold] of two") for line in out.splitlines())
+    assert any(line.startswith("copy[blue]") for line in out.splitlines())
     whole = json.loads(path.read_text())
     assert whole["audit"]["copies"] == [["a\\udcff[red]x[", "copy[blue]"]]
     assert (whole["schema"], whole["synthetic"], whole["failed"]) == ("nanobench-run/1", True, [])

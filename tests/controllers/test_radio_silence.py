@@ -94,7 +94,7 @@ def test_the_verb_says_how_silent_the_radio_was(tmp_path, capsys):
     flight = ["--controller", "onboard_pid", "--trajectory", "hover_until_landing", "--seconds", "7.5", "--plants", "1"]
     radio = ["--radio-silent", "8"]
     assert main(["control", "--plant", "simulated", *flight, *radio, "--json", str(out), "--jobs", "1"]) == 0
-    assert "radio silent 8 %" in capsys.readouterr().out
+    assert "radio silent 8 %" in " ".join(capsys.readouterr().out.split())
     assert json.loads(out.read_text())["rows"][0]["radio_silent_percent"] == 8.0
     assert main(["control", "--plant", "simulated", "--radio-silent", "80"]) == 2
     assert "0.0<=x<=50.0" in capsys.readouterr().err

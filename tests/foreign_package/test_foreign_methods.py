@@ -96,7 +96,8 @@ def test_diagnose_names_the_term_and_the_report_says_it(case, diagnosed):
 def test_the_corrected_simulator_holds_the_term_and_exports_say_what_becomes_of_it(installed, diagnosed, tmp_path):
     corrected = diagnosed / "simulator_corrected.toml"
     assert f'name = "{TERM}"' in corrected.read_text()
-    said = nanobench(tmp_path, installed, "convert", corrected, "--to", "all-simulators", "--out", tmp_path)
+    said = nanobench(tmp_path, installed, "convert", corrected, "--to", "all-simulators", "--out", tmp_path,
+                     "--verbose")
     assert NOTE in " ".join(said.split())
     assert f"{TERM}.k" in (tmp_path / "model.c").read_text()
 
