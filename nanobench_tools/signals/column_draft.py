@@ -15,7 +15,18 @@ import numpy as np
 
 from ..errors import InputError
 from ..sources.column_map import DATES, FORCE_UNITS, allowed_units
-from ..sources.column_names import NUMBERED, guessed, is_wanted, known_names, recognised, topic_in, unit_of
+from ..sources.column_names import (
+    NUMBERED,
+    guessed,
+    is_wanted,
+    known_names,
+    meaning,
+    recognised,
+    rest_of_seconds,
+    topic_in,
+    unit_of,
+    vehicles_of,
+)
 from ..sources.stand import is_a_stand
 from ..sources.tum_layout import NORM_TOLERANCE
 from ..units import GRAVITY_M_S2, factor
@@ -35,6 +46,7 @@ def draft_columns(path: Path) -> ColumnDraft:
     table = read_table(path)
     draft = Draft()
     _name(draft, table, path)
+    _which_vehicle(draft, table)
     time_s = _time(draft, table, place)
     _whose(draft)
     for stream in dict.fromkeys(stream for stream, _ in draft.mapped):
@@ -92,6 +104,20 @@ def _name(draft: Draft, table: Table, path: Path) -> None:
                                     "stated" if known_unit else "")
 
 
+def _which_vehicle(draft: Draft, table: Table) -> None:
+    """Asks where columns of two vehicles have one meaning, and drafts neither."""
+    of_column = {c: (meaning(c), vehicles_of(c)) for c in (*table.values, *table.dates)}
+    double: dict[Key, set[tuple[str, ...]]] = {}
+    for what, vehicles in of_column.values():
+        if isinstance(what, tuple) and vehicles:
+            double.setdefault(what, set()).add(vehicles)
+    keys = [key for key, drafted in draft.mapped.items()
+            if len(double.get(key, ())) > 1 and vehicles_of(drafted.column)]
+    if keys:
+        names = sorted({" ".join(v) for key in keys for v in double[key]})
+        draft.ask(keys, f"which vehicle: {', '.join(names)}? keep the columns of one, or write one map for each")
+
+
 def _whose(draft: Draft) -> None:
     """Plain names in addition to those of an ecosystem. Asks for an axis that the estimate lacks, and for the sign of
     a pitch."""
@@ -137,6 +163,13 @@ def _time(draft: Draft, table: Table, place: str) -> np.ndarray:
         seconds = table.dates[time.column]
         return np.asarray(seconds - seconds[np.isfinite(seconds)][:1])
     stamps = table.values[time.column]
+    rest, rest_unit = rest_of_seconds(time.column, table.values)
+    if rest and float(np.nanmax(table.values[rest], initial=0.0)) * factor(rest_unit) <= 1.0:
+        seconds = stamps + table.values[rest] * factor(rest_unit)
+        draft.mapped[TIME] = replace(time, unit="s", status="known", why="whole seconds and a fraction",
+                                     add=(rest, rest_unit))
+        draft.unknown.pop(rest, None)
+        return np.asarray(seconds - seconds[np.isfinite(seconds)][:1])
     steps = np.diff(stamps)
     steps = steps[np.isfinite(steps) & (steps > 0.0)]
     if not len(steps):

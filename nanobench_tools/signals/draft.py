@@ -18,7 +18,7 @@ TIME: Key = ("", "time")
 @dataclass(frozen=True)
 class Drafted:
     """One column of the map. ``status``: known, shown or assumed; ``why``: the evidence in words; ``invalid``: the cell
-    that means no reading."""
+    that means no reading; ``add``: column and unit of what is added to a time."""
 
     column: str
     unit: str
@@ -27,6 +27,7 @@ class Drafted:
     sign: int = 1
     offset: float = 0.0
     invalid: float | None = None
+    add: tuple[str, str] | None = None
 
 
 @dataclass
@@ -97,6 +98,7 @@ def as_toml(path: Path, draft: Draft) -> str:
         parts = [f"column = {quoted(d.column)}", f"unit = {quoted(d.unit)}"]
         parts += ["sign = -1"] * (d.sign < 0) + [f"offset = {d.offset}"] * bool(d.offset)
         parts += [] if d.invalid is None else [f"invalid = {d.invalid:g}"]
+        parts += [] if d.add is None else [f"add = {{column = {quoted(d.add[0])}, unit = {quoted(d.add[1])}}}"]
         parts += ["assumed = true"] * (d.status == "assumed")
         return f"{{{', '.join(parts)}}}"
 

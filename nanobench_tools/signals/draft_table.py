@@ -16,6 +16,7 @@ from ..sources.column_names import meaning
 from ..sources.dates import looks_like_dates, seconds_of_dates
 from ..sources.dialect import normalise_text
 from ..sources.header import find_header, is_number
+from ..sources.mocap_export import program_of
 from ..sources.payload import read_file, unpack
 from ..sources.table import PARQUET_MAGIC
 from .draft import TIME
@@ -39,6 +40,8 @@ def read_table(path: Path) -> Table:
         return _parquet(data, place)
     if b"\x00" in data and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise InputError(place, "is no table of text", "give a CSV or Parquet file")
+    if program := program_of(data):
+        raise InputError(place, f"an export of {program}, which needs no map", "nanobench audit reads it as it is")
     header = find_header(normalise_text(data[: 1 << 16]))
     if _one_variable_a_row(header.names):
         raise InputError(place, "long format: one variable per row, a name and its value",
@@ -46,7 +49,8 @@ def read_table(path: Path) -> Table:
     stamps = [n for n in header.names if meaning(n) == TIME]
     grid = read_grid(data, place, time=stamps[0] if stamps else None)
     if twice := [n for n in grid.repeated if isinstance(meaning(n), tuple)]:
-        raise InputError(place, f"{', '.join(map(repr, twice))} appear twice in the line of names",
+        appear = "appears" if len(twice) == 1 else "appear"
+        raise InputError(place, f"{', '.join(map(repr, twice))} {appear} twice in the line of names",
                          "rename them, so that each names one column")
     if set(grid.text) & {"name", "variable", "key", "signal"} and "value" in grid.columns:
         raise InputError(place, "long format: one variable per row, a name and its value",

@@ -19,7 +19,8 @@ _VEHICLE = re.compile(r"(cf|uav|drone|quad|robot|agent|mav)\d*")
 _WANTED = {"sp", "setpoint", "ref", "reference", "des", "desired", "target", "ctrltarget", "cmd", "command",
            "commanded"}
 _ESTIMATED = {"estimate", "estimated", "est", "ekf", "kalman", "state", "onboard", "odom", "odometry"}
-_MEASURED = {"mocap", "vicon", "optitrack", "qualisys", "gt", "truth", "groundtruth"}
+_MEASURED = {"mocap", "vicon", "optitrack", "qualisys", "gt", "truth", "groundtruth", "meas",
+             "measured", "actual"}
 _ACC = {"acc", "accel", "acceleration", "accelerometer", "a"}
 _GYRO = {"gyro", "gyr", "gyroscope", "g", "rate", "rates", "w", "omega", "angvel"}
 _VELOCITY = {"v", "vel", "velocity", "speed"}
@@ -27,7 +28,7 @@ _TURN = {"q", "quat", "quaternion", "orientation", "rot", "att", "attitude"}
 _PLACE = {"p", "pos", "position", "t", "translation", "trans"}
 _MOTOR, _SPEED = {"m", "motor", "motors", "pwm", "u", "esc", "throttle"}, {"rpm", "rotor"}
 _BATTERY, _THRUST = {"vbat", "battery", "batt", "bat", "vbatt", "voltage"}, {"thrust", "collective", "throttle"}
-_PLAIN = {"imu", "sensor", "body", "b", "meas", "measured", "filtered", "filt", "pose", "world", "global", "local",
+_PLAIN = {"imu", "sensor", "body", "b", "filtered", "filt", "pose", "world", "global", "local",
           "log", "data", "vehicle", "crazyflie", "quadrotor", "drone", "linear", "lin", "angular", "ang", "pm", "raw",
           "frame", "stamped", "header", "field", "volt", "volts", "v", "out", "output", "msg", "rigid",
           "level"}
@@ -118,6 +119,27 @@ def meaning(column: str) -> tuple[str, str] | str:
     return stream, last if stream != "mocap" else f"p{last}"
 
 
+def vehicles_of(column: str) -> tuple[str, ...]:
+    """Words of a column's name that number a vehicle: cf1, drone2."""
+    return tuple(w for w in words_of(column)[0] if _VEHICLE.fullmatch(w))
+
+
+def rest_of_seconds(column: str, columns: Iterable[str]) -> tuple[str, str]:
+    """The column of ``columns`` with the fraction of the whole seconds of ``column``, by its name, and its unit.
+
+    Both are "" without one.
+
+    >>> rest_of_seconds("header.stamp.secs", ["header.stamp.nsecs", "x"])
+    ('header.stamp.nsecs', 'ns')
+    """
+    whole = re.fullmatch(r"(.*?)sec(?:s|onds)?", column, re.IGNORECASE)
+    for other in columns if whole else ():
+        part = re.fullmatch(r"(.*?)(n|nano|u|micro)sec(?:s|onds)?", other, re.IGNORECASE)
+        if whole and part and part[1].lower() == whole[1].lower():
+            return other, "ns" if part[2].lower().startswith("n") else "us"
+    return "", ""
+
+
 def is_wanted(column: str) -> bool:
     """Whether the name says that this was commanded, not measured."""
     return bool(set(words_of(column)[0]) & _WANTED)
@@ -186,12 +208,16 @@ def known_names(columns: Iterable[str], systems: Iterable[Ecosystem]) -> dict[st
 def guessed(columns: Iterable[str],
             taken: Container[tuple[str, str]] = ()) -> tuple[dict[tuple[str, str], str], dict[str, str]]:
     """{(stream, quantity): column} by words, and {column: why it was not guessed}; ``taken``: what others are."""
+    columns = tuple(columns)
     found: dict[tuple[str, str], str] = {}
     why: dict[str, str] = {}
+    matrices = {tuple(words[:-1]) for words in (words_of(c)[0] for c in columns) if words[-1:] == ["8"]}
     for column in columns:
         what = meaning(column)
         if isinstance(what, str):
             why[column] = what
+        elif re.fullmatch(r"q\d", what[1]) and tuple(words_of(column)[0][:-1]) in matrices:
+            why[column] = "of a rotation matrix, which maps do not read: give a quaternion"
         elif what in found or what in taken:
             why[column] = f"{' '.join(filter(None, what))} is {found.get(what, 'another column')!r} already"
         else:

@@ -7,6 +7,7 @@ occlusion. Motive's y-up world is turned. A file with several rigid bodies is re
 from __future__ import annotations
 
 import csv
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,7 +28,9 @@ POSITION, QUATERNION = ("px", "py", "pz"), ("qx", "qy", "qz", "qw")
 LINES_SEEN = 40
 """Lines of a preamble, at most."""
 QUALISYS = ("NO_OF_FRAMES", "FREQUENCY")
-VICON = ("Objects", "Segments", "Global Angle (deg)")
+VICON = ("Objects", "Segments", "Global Angle (deg)", "Trajectories")
+VICON_KIND = re.compile(r"^(Global|Local) (Angle|Translation|Rotation) ?")
+"""Before the name of a body where each of its groups of columns has a title."""
 ROTATION_MATRIX = 9
 EULER = ("Roll", "Pitch", "Yaw")
 FULL_TURN_DEG = 360.0
@@ -62,12 +65,12 @@ class MocapExport:
     version = 1
 
     def recognises(self, path: Path, head: bytes) -> bool:
-        return _program(head) != ""
+        return program_of(head) != ""
 
     def read(self, path: Path, data: bytes, sheet: Sheet | None = None) -> Flight:
         place = str(path)
         rows = _rows(data)
-        export = {"Motive": _motive, "Qualisys": _qualisys, "Vicon": _vicon}[_program(data)](rows, place)
+        export = {"Motive": _motive, "Qualisys": _qualisys, "Vicon": _vicon}[program_of(data)](rows, place)
         if len(export.bodies) != 1:
             raise InputError(place, f"an export of {export.program} with {len(export.bodies)} rigid bodies "
                              f"({', '.join(export.bodies)})", "export one of them to a separate file")
@@ -98,7 +101,7 @@ class MocapExport:
                       Provenance(place, "", self.name, notes=notes), epoch_s=float(stamps[0]))
 
 
-def _program(head: bytes) -> str:
+def program_of(head: bytes) -> str:
     """Motive, Qualisys, Vicon, or "" by the first lines."""
     if b"\x00" in head[:512] and not head.startswith((b"\xff\xfe", b"\xfe\xff")):
         return ""
@@ -108,7 +111,7 @@ def _program(head: bytes) -> str:
         return "Motive"
     if all(any(line.startswith(word) for line in text.split("\n")) for word in QUALISYS):
         return "Qualisys"
-    return "Vicon" if first.strip(",; \t") in VICON and "TX" in text else ""
+    return "Vicon" if first.strip(",; \t") in VICON and ("TX" in text or "Sub Frame" in text) else ""
 
 
 def _rows(data: bytes) -> list[list[str]]:
@@ -191,9 +194,10 @@ def _vicon(rows: list[list[str]], place: str) -> Export:
     names = _at(rows, "Frame", place, "Vicon")
     rate = _rate(next((r[0] for r in rows[1:names] if r and parse_number(r[0].strip()) > 0.0), ""), place)
     header = [c.strip() for c in rows[names]]
-    bodies = tuple(c.strip() for c in rows[names - 1] if c.strip())
+    bodies = tuple(dict.fromkeys(VICON_KIND.sub("", c.strip()) for c in rows[names - 1] if c.strip()))
     if not all(n in header for n in ("TX", "TY", "TZ")):
-        raise InputError(place, "a Vicon export without TX, TY, TZ", "export the segments of the object")
+        raise InputError(place, f"a Vicon export without TX, TY, TZ; it contains {', '.join(bodies) or 'no body'}",
+                         "export the object or its segments, not its markers")
     units = [c.strip() for c in rows[names + 1]] if names + 1 < len(rows) else []
     at = header.index("TX")
     whole = all(n in header for n in ("RX", "RY", "RZ", "RW"))

@@ -105,7 +105,7 @@ def test_units_in_names():
 @pytest.mark.parametrize(("content", "says"), [
     (b"", "empty"), (b"\x00\x01\x02" * 50, "no table"), (b"a,b\n1,2\n", "no column is named like a time"),
     (b"t,mood\n1,2\n2,3\n", "no column beside 't'"), (b"t,x\n", "no row"),
-    (b"t,x\n1,2\n2,9" + b"9" * 400 + b"\n", None), (b"t,x,x\n1,2,3\n2,3,4\n", "appear twice"),
+    (b"t,x\n1,2\n2,9" + b"9" * 400 + b"\n", None), (b"t,x,x\n1,2,3\n2,3,4\n", "appears twice"),
     (b"t;x\n1;2\n2;3\n", None)])
 def test_bad_tables_are_one_line(nanobench, tmp_path, content, says):
     (tmp_path / "f.csv").write_bytes(content)
@@ -250,3 +250,48 @@ def test_a_time_that_fits_two_units_is_assumed_and_every_audit_repeats_it(tmp_pa
     (tmp_path / "map.toml").write_text(draft.text)
     (flight,) = load_recordings([tmp_path / "log.csv"], columns=tmp_path / "map.toml", cache=False).flights
     assert [(a.column, a.unit) for a in flight.provenance.assumptions] == [("t", "s")]
+
+
+def test_seconds_and_their_fraction_in_two_columns_are_one_time(tmp_path, table):
+    rows = np.arange(N)
+    path = write(tmp_path / "rostopic.csv", {"header.stamp.secs": 1000.0 + rows // 100,
+                                             "header.stamp.nsecs": 1e7 * (rows % 100), "x": table["px"]})
+    (tmp_path / "map.toml").write_text(draft_columns(path).text)
+    (flight,) = load_recordings([path], columns=tmp_path / "map.toml", cache=False).flights
+    np.testing.assert_allclose(flight["mocap"].time_s, rows / 100.0, atol=1e-6)
+
+
+def test_two_vehicles_in_one_table_are_a_question(tmp_path, table):
+    path = write(tmp_path / "two.csv", {"t": table["time"], "cf1.x": table["px"], "cf2.x": table["px"] + 2.0,
+                                        "gyro_x": table["gyro_x"]})
+    draft = draft_columns(path)
+    assert any("cf1, cf2" in question for question in draft.questions)
+    assert ("mocap", "px") not in draft.mapped
+
+
+def test_nine_numbers_are_a_matrix_and_no_quaternion(tmp_path, table):
+    matrix = {f"rot[{k}]": np.full(N, float(k % 4 == 0)) for k in range(9)}
+    draft = draft_columns(write(tmp_path / "m.csv", {"t": table["time"], "x": table["px"], **matrix}))
+    assert "rotation matrix" in draft.unknown["rot[0]"]
+    assert not any(quantity.startswith("q") for _, quantity in draft.mapped)
+
+
+def test_an_export_that_needs_no_map_is_not_drafted(tmp_path, nanobench):
+    rows = ["Objects", "100", ",,Global Angle cf1:cf1,,,Global Translation cf1:cf1,,",
+            "Frame,Sub Frame,RX,RY,RZ,TX,TY,TZ", ",,rad,rad,rad,mm,mm,mm",
+            *(f"{k},0,0,0,0,{k},0,1000" for k in range(1, N))]
+    path = tmp_path / "vicon.csv"
+    path.write_text("\n".join(rows) + "\n")
+    code, _, err = nanobench("columns", path)
+    assert code == 2
+    assert "an export of Vicon, which needs no map" in err
+    (flight,) = load_recordings([path], cache=False).flights
+    np.testing.assert_allclose(flight["mocap"]["pz"], 1.0)
+
+
+def test_marker_trajectories_are_no_body(tmp_path):
+    path = tmp_path / "nexus.csv"
+    path.write_text("Trajectories\n100\n,,cf1:m1,,\nFrame,Sub Frame,X,Y,Z\n,,mm,mm,mm\n" +
+                    "\n".join(f"{k},0,{k},0,1000" for k in range(1, 50)) + "\n")
+    (failed,) = load_recordings([path], cache=False).failed
+    assert "export the object or its segments" in failed["error"]
