@@ -38,18 +38,18 @@ def command(pid: str) -> str:
 
 def children() -> Iterator[tuple[str, str]]:
     """(key, description) of the child processes of this process, living or not waited for."""
-    for task in (PROC / "self" / "task").iterdir():
-        with suppress(OSError):
-            for pid in (task / "children").read_text().split():
+    for task in os.listdir("/proc/self/task"):
+        with suppress(OSError), open(f"/proc/self/task/{task}/children") as listed:
+            for pid in listed.read().split():
                 if WITH_ITS_PARENT not in (words := command(pid)):
                     yield pid, f"process {pid} ({words})"
 
 
 def sockets() -> Iterator[tuple[str, str]]:
     """(inode, description) of the sockets of this process."""
-    for place in (PROC / "self" / "fd").iterdir():
+    for place in os.listdir("/proc/self/fd"):
         with suppress(OSError):
-            if found := re.fullmatch(r"socket:\[(\d+)\]", str(place.readlink())):
+            if found := re.fullmatch(r"socket:\[(\d+)\]", os.readlink(f"/proc/self/fd/{place}")):
                 yield found[1], "a port that is still open"
 
 

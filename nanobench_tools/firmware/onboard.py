@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numba as nb
 import numpy as np
 
-from .. import so3
 from ..methods import Reference, VehicleState
 from ..units import PWM_FULL_SCALE
 from . import lee, mellinger, pid
@@ -16,6 +17,7 @@ from .guard import Guard
 from .motor_output import MotorOutput
 from .records import ABSOLUTE, CONTROL, ESTIMATE, SETPOINT, WRENCH
 
+DEGREES = 180.0 / math.pi
 PERIOD_S = 0.002
 STEPS = 2
 """Steps of the 1 kHz loop in a period: controllers are run at even ones, where the attitude loops are."""
@@ -35,10 +37,27 @@ class ControllerLog:
 
 def estimates(state: VehicleState, out: np.ndarray) -> None:
     """Writes n states into out (n,) ESTIMATE."""
-    angles = np.degrees(so3.euler_zyx(state.quaternion))
-    angles[:, 1] = -angles[:, 1]
-    out["position_m"], out["velocity_m_s"], out["attitude_deg"] = state.position_m, state.velocity_m_s, angles
-    out["quaternion"], out["gyro_deg_s"] = state.quaternion, np.degrees(state.rate_rad_s)
+    _estimates(state.position_m, state.velocity_m_s, state.quaternion, state.rate_rad_s, out)
+
+
+@nb.njit(cache=True)
+def _estimates(position_m: np.ndarray, velocity_m_s: np.ndarray, quaternion: np.ndarray, rate_rad_s: np.ndarray,
+               out: np.ndarray) -> None:
+    """Angles are those of ``so3.euler_zyx``, with the sign of the firmware's pitch."""
+    for i in range(len(out)):
+        record = out[i]
+        x, y, z, w = quaternion[i]
+        norm = x * x + y * y + z * z + w * w
+        sine = min(max(2.0 * (w * y - z * x) / norm, -1.0), 1.0)
+        record.attitude_deg[0] = DEGREES * math.atan2(2.0 * (w * x + y * z), norm - 2.0 * (x * x + y * y))
+        record.attitude_deg[1] = -DEGREES * math.asin(sine)
+        record.attitude_deg[2] = DEGREES * math.atan2(2.0 * (w * z + x * y), norm - 2.0 * (y * y + z * z))
+        for k in range(3):
+            record.position_m[k] = position_m[i, k]
+            record.velocity_m_s[k] = velocity_m_s[i, k]
+            record.gyro_deg_s[k] = DEGREES * rate_rad_s[i, k]
+        for k in range(4):
+            record.quaternion[k] = quaternion[i, k]
 
 
 def setpoints(reference: Reference, out: np.ndarray) -> None:

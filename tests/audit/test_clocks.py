@@ -117,6 +117,7 @@ def test_the_whole_link_is_late_or_one_stream_is(flights):
     assert abs(result.clock["imu"].offset_s) < 0.002
 
 
+@pytest.mark.slow
 def test_an_estimators_own_delay_is_not_a_clock_fault(audited_flights):
     """Practice estimates follow by 5-20 ms, and more in what is logged late in a tick."""
     for flight, result in audited_flights:

@@ -44,6 +44,7 @@ def test_ends_of_logs_that_stopped(recordings, audited, name):
     assert -1.1 < dead["battery"].start_s - STOPPED[name] < 0.1
 
 
+@pytest.mark.slow
 def test_no_other_log_stops_before_its_last_half_second(recordings, many):
     groups = find_copies(list(recordings.values()))
     stopped = {name for group in groups if STOPPED.keys() & set(group) for name in group}

@@ -28,6 +28,7 @@ def test_every_row_is_there_unasked(nanobench, wandering, tmp_path, monkeypatch)
     assert said == {"strapdown", "error_state_ekf", "drag_ekf", "drag_matrix_ekf", "invariant_ekf"}
 
 
+@pytest.mark.slow
 def test_windows_and_rows_agree(nanobench, wandering, tmp_path):
     body = blackout(nanobench, wandering, tmp_path / "a.json", "--only", "--method", "hold_position", "--method",
                     "constant_velocity", "--method", "drag_ekf")

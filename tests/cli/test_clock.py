@@ -61,6 +61,7 @@ def test_the_joint_clock_judges_no_logged_estimate(nanobench, wandering, tmp_pat
     assert "helped to set this clock" in row["given"]
 
 
+@pytest.mark.slow
 def test_the_published_table_is_never_retimed(nanobench, wandering):
     code, _, err = nanobench("estimate", "--data", wandering, "--protocol", "as-published", "--clock", "retimed")
     assert code == 2

@@ -108,6 +108,7 @@ def test_the_chain_from_the_first_audit_on_can_be_pasted(nanobench, here, record
     assert words[:2] == ["nanobench", "estimate"]
 
 
+@pytest.mark.slow
 def test_a_path_with_a_blank_stays_one_word(nanobench, here, recordings):
     place = here / "my flights"
     place.mkdir()

@@ -101,6 +101,7 @@ def cut(flight, name):
 
 
 @NEEDS_RERUN
+@pytest.mark.slow
 def test_the_path_is_the_positions_and_breaks_where_no_sample_is(flight, tmp_path):
     read = written(flight, tmp_path)
     strips = read.one("/world/paths/mocap", "LineStrips3D:strips")

@@ -64,6 +64,7 @@ def test_what_recordings_lack_is_said(nanobench, changed, simulator, tmp_path, c
     assert words in found["paragraph"]
 
 
+@pytest.mark.slow
 def test_without_voltage_trims_are_not_compared(nanobench, recordings, simulator, tmp_path):
     """Commands at an unknown voltage are no thrust, so several flights show as little as one."""
     folder = tmp_path / "unlogged"
@@ -95,6 +96,7 @@ def test_cells_without_a_number_do_not_spread(changed):
         assert np.isfinite(track.battery_V).all()
 
 
+@pytest.mark.slow
 def test_another_vehicle_gets_no_finer_answer(nanobench, recordings, tmp_path):
     write_simulator(BELIEVED.on(mass_kg=0.4), tmp_path / "heavy.toml")
     found = verdict(nanobench, tmp_path, "--data", recordings, "--simulator", tmp_path / "heavy.toml")
@@ -132,6 +134,7 @@ def simulate(along):
     assert found["paragraph"].startswith("a_callable:simulate was evaluated along")
 
 
+@pytest.mark.slow
 def test_the_bound_of_a_network_stands_beside_what_was_named(recordings, monkeypatch):
     """The network is made up here: half the simulator's errors. What is named is not above it when it is nothing."""
     from types import SimpleNamespace

@@ -110,6 +110,7 @@ def test_installed_command_ends_with_the_right_codes(recordings, tmp_path):
     assert run("nonsense").returncode == 2
 
 
+@pytest.mark.slow
 def test_interrupt_is_130_and_says_how_to_go_on(recordings, empty_cache, tmp_path):
     env = {**os.environ, "NANOBENCH_CACHE": str(empty_cache), "PYTHONPATH": str(tmp_path)}
     (tmp_path / "sitecustomize.py").write_text(

@@ -122,6 +122,7 @@ def test_what_a_users_method_imports_counts_for_its_identity(folder, monkeypatch
 
 
 @pytest.mark.parametrize("jobs", [pytest.param(1, marks=pytest.mark.slow), 2])
+@pytest.mark.slow
 def test_a_users_estimator_is_scored_beside_ours_also_in_other_processes(folder, recordings, jobs):
     one = min(recordings.glob("*.csv"))
     done = nanobench("estimate", "--protocol", "clean", "--only", "--method", "estimators.still:Still", "--method",

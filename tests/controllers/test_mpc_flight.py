@@ -37,6 +37,7 @@ def test_it_flies_without_a_future_by_guessing_it():
     assert flight(fresh("mpc_daqp"), path_spec("figure_eight", "fast"), 2.5, told)[0] < 0.015
 
 
+@pytest.mark.slow
 def test_a_delay_it_knows_costs_little_and_one_it_does_not_know_costs_more():
     spec = path_spec("figure_eight", "fast")
     known, unknown = (flight(fresh("mpc_daqp", delay_s=d), spec, 2.0, late=3)[0] for d in (0.03, 0.0))

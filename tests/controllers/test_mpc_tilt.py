@@ -81,6 +81,7 @@ def most_tilt_of(controller, velocity_m_s):
 
 @pytest.mark.parametrize(("kind", "push"), [
     (MpcDaqp, 0.0), (MpcDaqp, -3.0), pytest.param(MpcOsqp, 0.0, marks=pytest.mark.slow), (Nmpc, 0.0)])
+@pytest.mark.slow
 def test_a_hard_reference_does_not_tip_it_further_than_the_limit(kind, push, monkeypatch):
     controller = kind(practice_model(), tuning=FRESH, tilt_rad=LIMIT)
     velocity = np.array([push, 0.0, 0.0])

@@ -45,6 +45,7 @@ def test_the_compiled_step_against_plain_matrices():
     assert np.allclose(full, step @ cov @ step.T + noise, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_what_is_given_out_is_the_spread_of_drawn_states():
     """Errors of SE_2(3) drawn, put on by the group's exponential: position, velocity and body attitude scatter so."""
     rng = np.random.default_rng(3)

@@ -342,6 +342,7 @@ def test_fixed_lag_follows_a_known_motion_and_uses_nothing_later():
     assert np.array_equal(estimate.position_m[before], other.position_m[before])
 
 
+@pytest.mark.slow
 def test_fixed_lag_errors_are_as_large_as_it_says():
     """SYNTHETIC, poses at 10 Hz with 1 cm of noise; without drag, and so without motors."""
     found = []

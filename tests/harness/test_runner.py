@@ -75,6 +75,7 @@ def test_an_item_that_kills_its_process_fails_alone(tmp_path):
     assert "died" in result.failed[0]["error"]
 
 
+@pytest.mark.slow
 def test_arguments_that_cannot_travel_are_a_failure_of_their_item():
     unsendable = make_item(score, {"seed": 1}, "generator")
     unsendable = type(unsendable)("k", score, {"seed": (i for i in ())}, "generator")
@@ -158,6 +159,7 @@ def living(group: int) -> list[str]:
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+@pytest.mark.slow
 def test_workers_end_when_only_the_first_process_is_killed(tmp_path):
     store = tmp_path / "store"
     with held(tmp_path, "2") as (process, _):

@@ -135,6 +135,7 @@ def test_estimate_refuses_a_noise_that_nobody_takes(tmp_path, capsys):
 
 
 @pytest.mark.real
+@pytest.mark.slow
 def test_real_recording(real_data, tmp_path, capsys):
     where = sorted((real_data / "nanobench").rglob("B9_trefoil_slow_rep3*.xz"))[:1]
     assert main(["noise", "--data", str(where[0]), "--out", str(tmp_path), "--quiet"]) == 0

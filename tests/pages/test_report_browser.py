@@ -257,6 +257,7 @@ def test_on_a_phone_a_row_is_a_card_with_its_numbers(opened):
     assert box["x"] + box["width"] <= PHONE[0]
 
 
+@pytest.mark.slow
 def test_printed_it_is_whole_light_and_within_the_sheet(opened):
     page = opened(color_scheme="dark")
     page.page.emulate_media(media="print")
@@ -282,6 +283,7 @@ def test_what_a_finger_has_to_hit_is_large_enough(opened):
 
 
 @pytest.mark.parametrize("size", [PHONE, DESK])
+@pytest.mark.slow
 def test_a_flight_that_is_played_goes_in_its_own_time_to_its_end(browser, tmp_path, size):
     path = write_report(tmp_path, {"control": control_body}, [], {}, synthetic=False)
     opened = Page(browser, path, size).seen("gateflights").seen("race")

@@ -65,6 +65,7 @@ def _matrix(quaternion):
 @pytest.mark.skipif(importlib.util.find_spec("drone_models") is None,
                     reason="DRONE-MODELS ABSENT: pip install drone-models to evaluate its own equations")
 @pytest.mark.parametrize("change", [{}, {"com_offset": {"r_m": (0.001, -0.002, 0.0)}}])
+@pytest.mark.slow
 def test_drone_models_itself(change, tmp_path):
     """In a process of its own, because the package wants to be imported before SciPy. No gyroscopic moment here: its
     0.1.0 has one component with the wrong sign, and adds the moment of rotors that change their speed; an offset of the

@@ -67,6 +67,7 @@ def test_a_delayed_command_is_delayed_there_too(tmp_path):
 
 
 @pytest.mark.parametrize(("drag", "speed"), [("drag_rotor", (2.0, -1.0, 0.5)), ("drag_quadratic", (0.0, 0.0, -3.0))])
+@pytest.mark.slow
 def test_drag_is_exact_in_flights_without_rotation(drag, speed, tmp_path):
     values = {"drag_rotor": {"d": (2e-6, 2e-6, 7e-7)}, "drag_quadratic": {"q": (0.003, 0.002, 0.004)}}[drag]
     model = Model(Vehicle(input="rpm", rate_hz=800.0), {"thrust_rpm": {"k_f": 2.3e-8}, drag: values})
@@ -79,6 +80,7 @@ def test_drag_is_exact_in_flights_without_rotation(drag, speed, tmp_path):
     assert np.max(np.abs(ours - theirs)) < 1e-9
 
 
+@pytest.mark.slow
 def test_a_lag_is_the_same_for_small_changes(tmp_path):
     """Thrusts lag here, speeds there: half the change leaves a quarter of the difference."""
     model = Model(Vehicle(input="rpm", rate_hz=800.0),

@@ -128,6 +128,7 @@ def test_drag_takes_energy_only():
 
 
 @pytest.mark.parametrize("name", MODELS)
+@pytest.mark.slow
 def test_turning_the_world_about_its_vertical_turns_the_flight(name):
     model = MODELS[name]
     start, motor, battery, past = windows(model, 3, 6)

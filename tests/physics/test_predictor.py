@@ -67,6 +67,7 @@ def test_flies_as_the_practice_vehicle():
     np.testing.assert_allclose(found[0, 1:, 13:], np.array(states)[:, 13:], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_windows_bring_half_a_second_of_inputs(flight):
     windows, _ = cut_windows(flight, SPANS, "mocap")
     assert windows.motor_past.shape == (len(windows), PAST, 4)

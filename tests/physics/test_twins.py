@@ -86,6 +86,7 @@ def test_parameters_of_each_window():
 
 
 @pytest.mark.parametrize("name", MODELS)
+@pytest.mark.slow
 def test_derivatives_are_those_of_differences(name):
     """Exact derivatives of a step with respect to parameters and state, against central differences of NumPy."""
     import casadi as ca

@@ -18,6 +18,7 @@ SHORT = Events(0.4, 1.6, 2.6, 3.0, 3.4)
 """A flight of 3.4 s that hardly leaves the ground: enough where only equality counts."""
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bits_and_another_seed_does_not():
     spec = [path_spec("circle", duration_s=1.0)]
     row = load("controllers", "onboard_pid")()

@@ -41,6 +41,7 @@ def test_errors_that_hang_together_count_as_fewer():
     assert independent_samples(drawn(2000, 3)) == pytest.approx(2000.0, rel=0.15)
 
 
+@pytest.mark.slow
 def test_the_band_holds_95_percent_of_runs_whose_errors_hang_together():
     """300 runs of three axes that keep 0.9, 0.95 and 0.98; with three in a hundred of scatter by chance."""
     rng, keep = np.random.default_rng(0), np.array([0.9, 0.95, 0.98])

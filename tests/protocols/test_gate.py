@@ -142,6 +142,7 @@ def simulator():
 
 
 @pytest.mark.parametrize("name", ["short circle", pytest.param("short helix", marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_a_practice_flight_whose_vehicle_is_known_passes(crowd, name):
     flight = crowd.flight(name)
     cases, _ = gate.select([flight], {flight.name: audit(flight)})

@@ -102,6 +102,7 @@ def test_signs_are_those_of_the_mixer_of_the_firmware():
 
 @pytest.mark.real
 @pytest.mark.parametrize("names", [FIFTEEN, pytest.param(None, marks=pytest.mark.slow)], ids=["15", "all"])
+@pytest.mark.slow
 def test_real_flights_turn_as_the_mixer_says(real, names):
     """Differential PWM goes with the angular acceleration 70 ms later, all three axes, in every training flight."""
     from nanobench_tools.protocols.windows import cut_windows

@@ -56,6 +56,7 @@ def test_estimate(call, folder, tmp_path):
     assert {"slow/circle", "trefoil", "helix"} <= {group for _, group in rows}
 
 
+@pytest.mark.slow
 def test_written_trajectories_give_the_same_scores(call, folder, tmp_path):
     _, first, _, _ = call("estimate", "--data", folder, "--protocol", "clean", "--out", tmp_path / "o")
     made = tmp_path / "o" / "trajectories"

@@ -62,6 +62,7 @@ def test_motion_capture_without_positions_repeats_nothing():
 
 
 @pytest.mark.real
+@pytest.mark.slow
 def test_real_copies_and_slices(real):
     flights, _ = real
     kept, repeats = distinct(flights)

@@ -394,6 +394,7 @@ def test_both_tables_from_the_slices_alone_under_other_names_without_sheets(real
 
 
 @pytest.mark.real
+@pytest.mark.slow
 def test_the_clean_protocol_on_a_few_trefoils(real):
     """An estimate that is late along the path; as few recordings do, errors scatter about those of all."""
     flights, audits = real

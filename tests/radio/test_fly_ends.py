@@ -166,6 +166,7 @@ def test_no_thread_of_a_flight_stays_behind_while_others_come_before_other_proce
 @pytest.mark.parametrize(("what", "code", "words"), [
     ("deaf", 1, "mine did not answer within 250 ms and cannot be stopped: the program ends"),
     ("hold_the_interpreter", -signal.SIGALRM, "hold_the_interpreter")])
+@pytest.mark.slow
 def test_a_program_that_cannot_be_woken_is_ended_and_says_where_it_was(what, code, words):
     done = subprocess.run([sys.executable, "-c", ALONE.format(here=str(HERE), what=what)], cwd=HERE.parents[1],
                           capture_output=True, text=True, timeout=120, check=False)

@@ -123,6 +123,7 @@ def test_a_fault_of_the_vehicle_its_link_or_the_poses_ends_the_flight_on_the_gro
     assert landed(toy)
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_cannot_hold_its_height_lands_before_it_lies_on_the_ground():
     toy = Toy()
     outcome, _ = flown(failing(toy, lambda: toy.drift_m_s.__setitem__(2, -1.8)))  # it climbs with 1.5 m/s at most
@@ -172,6 +173,7 @@ def test_a_reason_on_the_ground_flies_nothing():
 @pytest.mark.parametrize(("rule", "fault"), [
     slow_case("lost link", lambda toy: setattr(toy, "mute", True)),
     ("supervisor", lambda toy: toy.values.__setitem__("supervisor.info", 1 << 7))])
+@pytest.mark.slow
 def test_what_goes_wrong_while_it_lands_is_said(rule, fault):
     toy = Toy()
     land = toy.land

@@ -144,6 +144,7 @@ def test_ten_in_a_swarm_are_told_in_sequence_and_side_by_side(tmp_path: Path) ->
     assert [places[one.uri] for one in ten] == [(k, -k, 0.5) for k in range(10)]
 
 
+@pytest.mark.slow
 def test_the_position_commander_flies_from_place_to_place_and_lands(monkeypatch: pytest.MonkeyPatch) -> None:
     from controllers.plants.served_vehicle import served as vehicle
 

@@ -225,6 +225,7 @@ def test_no_packet_breaks_it(port: int, channel: int, data: bytes) -> None:
 _FUZZED = Onboard(StillVehicle())
 
 
+@pytest.mark.slow
 def test_twenty_thousand_random_packets_leave_it_answering() -> None:
     rng = np.random.default_rng(1)
     made = Onboard(StillVehicle())

@@ -85,6 +85,7 @@ def test_recordings_of_two_flights_do_not_meet(flight, crowd):
         with_mocap(flight.without_streams("mocap"), tracked)
 
 
+@pytest.mark.slow
 def test_any_two_streams(flight):
     """The gyro against itself on another clock that moves: the movement is found; without one, nothing is claimed."""
     imu = flight["imu"]

@@ -78,6 +78,7 @@ def test_stamps_are_moved_once(flight):
 
 
 @pytest.mark.parametrize("wander_s", [0.0, 0.005])
+@pytest.mark.slow
 def test_a_small_wander_is_believed_and_none_is_not(crowd, wander_s):
     """5 ms were not, where only a link that moves as often as it can was weighed against a constant clock."""
     flown = nulls.living(crowd.log("medium trefoil", wander_sd_s=wander_s)[0])
@@ -86,6 +87,7 @@ def test_a_small_wander_is_believed_and_none_is_not(crowd, wander_s):
 
 
 @pytest.mark.parametrize("velocity", [False, True])
+@pytest.mark.slow
 def test_an_error_of_the_estimate_changes_nothing_of_the_clock_that_judges_it(flight, velocity):
     after, error = nulls.with_track_error(flight, 1.0, 0.03, 3, velocity)
     assert np.std(error) > 0.005

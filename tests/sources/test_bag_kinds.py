@@ -45,6 +45,7 @@ def test_the_velocity_of_an_odometry_is_what_the_path_moves_by(tmp_path, in_the_
 
 
 @pytest.mark.parametrize("scalar", [0.0, 1.0])
+@pytest.mark.slow
 def test_one_rotation_in_every_message_is_no_attitude(tmp_path, scalar):
     """Zeros, or the identity, of a sender that knows positions only."""
     none = np.tile([0.0, 0.0, 0.0, scalar], (len(motion().time_s), 1))
@@ -55,6 +56,7 @@ def test_one_rotation_in_every_message_is_no_attitude(tmp_path, scalar):
     assert "none was sent" in found.evidence
 
 
+@pytest.mark.slow
 def test_poses_of_a_camera_on_board_are_no_motion_capture(tmp_path):
     flight = one(bag(tmp_path, mavros__vision_pose__pose=poses(), camera__odom__sample=odometry(motion().velocity_m_s),
                      mavros__local_position__pose=poses(), mavros__imu__data=inertial()))

@@ -199,6 +199,7 @@ def test_a_pose_of_which_nothing_says_whose_it_is_is_refused(tmp_path):
 
 
 @pytest.mark.real
+@pytest.mark.slow
 def test_every_real_file_is_one_sources_own(real_data):
     folders = {"nanobench": "nanobench", "crazyflie_usd": "usd", "crazypad": "usd", "crazyswarm_lee": "usd",
                "sysid_tools": "usd", "stand": "stand"}  # fmt: skip

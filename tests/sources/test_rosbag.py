@@ -207,6 +207,7 @@ def split(folder, kind, edges=(0, 15, 30, N)):
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.slow
 def test_files_of_a_split_recording_are_one_flight(tmp_path, kind):
     split(tmp_path, kind)
     flight = one(tmp_path / "parts")
@@ -239,6 +240,7 @@ def test_numbered_files_that_do_not_follow_each_other_are_flights(tmp_path):
     assert [f.name for f in load_recordings([tmp_path / "parts"], cache=False).flights] == ["x_8", "x_9"]
 
 
+@pytest.mark.slow
 def test_metadata_of_rosbag2_lists_the_parts(tmp_path):
     parts = split(tmp_path, "mcap")
     names = [p.name for p in parts]

@@ -113,7 +113,7 @@ def add_student_evidence(log_likelihood: np.ndarray, row: np.ndarray, cell: np.n
             for k in range(channels):
                 z = (measured[s, k] - predicted[g, k]) / sigma[k]
                 squared += z * z
-            log_likelihood[row[s], j] -= 0.5 * weight * degrees * math.log1p(squared / degrees)
+            log_likelihood[row[s], j] -= 0.5 * weight * degrees * math.log(1.0 + squared / degrees)  # four times log1p
 
 
 @nb.njit(cache=True, fastmath=True)

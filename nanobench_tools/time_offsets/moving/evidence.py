@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numba as nb
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import uniform_filter1d
@@ -133,13 +134,13 @@ class Evidence:
         if thin > 1:
             part = replace(self, time_s=self.time_s[::thin], measured=self.measured[::thin])
             return part._lowest(delay_s[::thin], lags_s)
-        residuals = [self.measured - self.predicted_at(delay_s, lag) for lag in lags_s]
+        cells = (self.time_s - delay_s - self.grid_start_s) / CELL_S
+        residuals = residuals_of_lags(self.measured, self.predicted, cells, lags_s / CELL_S)
         if self.kind.detrended:
-            rows = self._rows(DETREND_S)
-            residuals = [r - uniform_filter1d(r, rows, axis=0, mode="nearest") for r in residuals]
-        squared = [np.sum((r - np.median(r, axis=0)) ** 2, axis=1) for r in residuals]
-        limit = 9.0 * min(float(np.median(s)) for s in squared)  # spikes must not choose the lag
-        cost = np.array([np.mean(np.minimum(s, limit)) for s in squared])
+            residuals -= uniform_filter1d(residuals, self._rows(DETREND_S), axis=-1, mode="nearest")
+        squared = np.sum((residuals - np.median(residuals, axis=-1, keepdims=True)) ** 2, axis=1)
+        limit = 9.0 * np.median(squared, axis=-1).min()  # spikes must not choose the lag
+        cost = np.minimum(squared, limit).mean(-1)
         i = int(np.argmin(cost))
         if 0 < i < len(cost) - 1:
             bend = cost[i - 1] - 2.0 * cost[i] + cost[i + 1]
@@ -149,6 +150,20 @@ class Evidence:
 
     def _rows(self, duration_s: float) -> int:
         return max(1, round(duration_s / float(np.median(np.diff(self.time_s)))))
+
+
+@nb.njit(cache=True)
+def residuals_of_lags(measured: np.ndarray, predicted: np.ndarray, cells: np.ndarray, lags: np.ndarray) -> np.ndarray:
+    """(l, k, s) measured (s, k) less predicted (g, k), interpolated at ``cells`` (s,) less each lag (l,), in cells."""
+    samples, channels = measured.shape
+    found = np.empty((len(lags), channels, samples))
+    for row in range(len(lags)):
+        for s in range(samples):
+            x = min(max(cells[s] - lags[row], 0.0), len(predicted) - 1.001)
+            i = int(x)
+            for k in range(channels):
+                found[row, k, s] = measured[s, k] - predicted[i, k] * (1.0 - x + i) - predicted[i + 1, k] * (x - i)
+    return found
 
 
 def _alike_rows(z: np.ndarray) -> float:

@@ -82,6 +82,7 @@ def test_hidden_mass_is_named(newtons):
     {"com_offset": {"r_m": (0.01, -0.01, 0.0)}},
     pytest.param({"inertia": {"inertia_kg_m2": (0.03, 0.03, 0.06)}}, marks=pytest.mark.slow),
     pytest.param({"yaw_torque": {"k_m": 0.06}}, marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_what_only_turns_gets_no_name(newtons, hidden):
     """The simulator believes it, the vehicle has none of it."""
     name, values = next(iter(hidden.items()))

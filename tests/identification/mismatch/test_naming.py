@@ -115,6 +115,7 @@ def test_a_heavier_vehicle_is_found(too_heavy):
     assert decision.fit.model.parameters["mass.m"] == pytest.approx(0.04, rel=0.01)
 
 
+@pytest.mark.slow
 def test_gains_of_motors_keep_their_mean_however_much_thrust_is_wrong(too_heavy, model):
     """A vehicle 15 % heavier than believed is no imbalance of motors."""
     space, (moments, _) = space_around(model.on(mass_kg=0.046)), too_heavy
@@ -143,6 +144,7 @@ def test_wind_is_not_called_drag(model):
     assert not {"drag_linear", "drag_rotor", "drag_quadratic"} & {finding.hypothesis.term, *finding.equivalent}
 
 
+@pytest.mark.slow
 def test_a_force_that_swings_is_unknown_and_no_force_of_the_world(model):
     def swinging(position, time):
         return 0.5 * np.sin(2.0 * np.pi * 0.9 * time) * np.array([0.0, 1.0, 0.0])

@@ -33,6 +33,7 @@ def flown():
     return recordings_of([track_of(MODEL, 30 + k, k, seconds=12.0) for k in range(4)])
 
 
+@pytest.mark.slow
 def test_a_right_simulator_is_left_alone(flown):
     body = verdict_body(flown, MODEL)
     assert body["findings"] == []

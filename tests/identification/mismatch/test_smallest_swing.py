@@ -28,6 +28,7 @@ def stated(usual):
     return smallest_swing([seen(hover(f"s{k}", seed=10 + k)) for k in range(3)], usual, MASS_KG)
 
 
+@pytest.mark.slow
 def test_a_swing_of_the_stated_size_is_found_and_far_smaller_ones_are_not(usual, stated):
     assert stated["axes"] == ["left"]  # no pitch is logged
     assert stated["force_N"] == pytest.approx(MASS_KG * stated["minimum_detectable"])

@@ -165,6 +165,7 @@ def test_real_cut_of_three_millimetres_is_named(real_data, tmp_path):
 
 
 @pytest.mark.real
+@pytest.mark.slow
 def test_real_folder_against_normal_ones(real_data, tmp_path, capsys):
     vehicle = real_data / "crazypad" / "E8"
     given = ["--data", vehicle / "cut_propeller_M3_2mm_2mm_43mm", "--normal", vehicle / "normal", "--out", tmp_path,

@@ -33,6 +33,7 @@ def test_intervals_hold_the_truth():
     assert sum(inside) >= 2
 
 
+@pytest.mark.slow
 def test_two_files_give_no_interval():
     """Drawn from two, a parameter's interval would end at the values of the files alone."""
     found = study([made(dc_law, seed=s, noise_N=3e-4, name=f"s{s}") for s in range(2)], 0.04, draws=20)
