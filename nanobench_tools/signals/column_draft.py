@@ -33,6 +33,7 @@ from ..units import GRAVITY_M_S2, factor
 from . import column_evidence as evidence
 from .draft import QUATERNION, TIME, ColumnDraft, Draft, Drafted, Key, as_toml
 from .draft_axes import judge_axes
+from .draft_motion import judge_motion
 from .draft_table import Table, read_table
 from .draft_units import judge_units
 from .plausible_ranges import SLOWEST_STEP_S
@@ -54,6 +55,7 @@ def draft_columns(path: Path) -> ColumnDraft:
         _check_turn(stream, draft, table.values)
     judge_units(draft, table.values, time_s)
     judge_axes(draft, table.values, time_s)
+    judge_motion(draft, table.values, time_s)
     if len(draft.mapped) == 1:
         asked = f"; {draft.questions[0]}" if draft.questions else ""
         raise InputError(place, f"no column beside {draft.mapped[TIME].column!r} has a name that is known{asked}",
@@ -183,7 +185,19 @@ def _time(draft: Draft, table: Table, place: str) -> np.ndarray:
                          "write its unit in the map, or name another column t")
     if unit not in fits or time.status != "known":
         unit = fits[0]
-    if time.status != "known" and len(fits) > 1:
+    dated = [u for u in fits if evidence.is_recent(float(stamps[np.isfinite(stamps)][0]) * factor(u))]
+    if len(dated) == 1 and (unit != dated[0] or len(fits) > 1):
+        draft.mapped[TIME] = replace(time, unit=dated[0], status="shown", why="seconds since 1970 in this unit")
+        if unit != dated[0] and time.status == "known":
+            draft.notes.append(f"{time.column}: in {unit}, as its name implies, it would be decades ago; {dated[0]}, "
+                               "since its rows are then of this century")
+        return np.asarray((stamps - stamps[np.isfinite(stamps)][0]) * factor(dated[0]))
+    late = not dated and float(np.nanmax(stamps)) * factor(unit) > evidence.LONGEST_COUNT_S
+    if late:
+        draft.notes.append(f"{time.column}: no date of this century in any unit, and too long for a clock that started "
+                           f"at 0: {unit} is assumed; check it")
+        draft.mapped[TIME] = replace(time, unit=unit, status="assumed", why="no date of this century")
+    elif time.status != "known" and len(fits) > 1:
         either = " or ".join(fits)
         draft.notes.append(f"{time.column}: rows are {step:g} apart, in {either}: {unit} is assumed; check it")
         draft.mapped[TIME] = replace(time, unit=unit, status="assumed", why=f"rows are {step:g} apart")

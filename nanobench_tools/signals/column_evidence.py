@@ -24,6 +24,10 @@ FASTEST_STEP_S = number("audit.column_evidence.fastest_step_s")
 NOISE_APART = number("audit.column_evidence.noise_apart")
 """Axes of an estimate differ less in their noise."""
 SENSOR_NOISE_APART = number("audit.column_evidence.sensor_noise_apart")
+EPOCH_S = (946684800.0, 4102444800.0)
+"""Unix time of the years 2000 and 2100, s."""
+LONGEST_COUNT_S = 1e7
+"""A clock that starts with the vehicle or its computer counts less: 116 days, s."""
 WINDOW = 5
 """Rows a derivative is taken over."""
 
@@ -74,6 +78,11 @@ def ratio(signal: np.ndarray, reference: np.ndarray) -> Ratio:
         sizes.append(float(np.sqrt((x @ x) / (y @ y))) if abs(r) > AGREES else float("nan"))
         signs.append(int(np.sign(r)) if abs(r) > AGREES else 0)
     return Ratio(tuple(sizes), tuple(signs))
+
+
+def is_recent(unix_s: float) -> bool:
+    """Whether a time in seconds since 1970 is one at which a recording can have been made."""
+    return EPOCH_S[0] <= unix_s <= EPOCH_S[1]
 
 
 def spans(values: np.ndarray) -> np.ndarray:

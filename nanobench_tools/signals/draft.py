@@ -66,6 +66,10 @@ class Draft:
         """Those whose unit is assumed."""
         return [key for key in keys if self.mapped[key].status == "assumed"]
 
+    def open_or_shown(self, keys: Sequence[Key]) -> list[Key]:
+        """Those whose unit neither the header nor an ecosystem states."""
+        return [key for key in keys if self.mapped[key].status != "known"]
+
     def confirm(self, keys: Sequence[Key], why: str) -> None:
         """Keeps assumed units, with what speaks for them."""
         for key in self.open(keys):

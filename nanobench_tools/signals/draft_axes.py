@@ -30,7 +30,7 @@ def judge_axes(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarra
         return
     step_s = float(np.median(steps))
     _pitch(draft, values, step_s)
-    rotation = _rotation(draft, values)
+    rotation = rotation_of(draft, values)
     for position, velocity in (((("mocap", "px"), ("mocap", "py"), ("mocap", "pz")),
                                 (("mocap", "vx"), ("mocap", "vy"), ("mocap", "vz"))),
                                ((("estimator", "x"), ("estimator", "y"), ("estimator", "z")),
@@ -41,7 +41,7 @@ def judge_axes(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarra
         _rate(draft, values, rotation, step_s)
 
 
-def _rotation(draft: Draft, values: Mapping[str, np.ndarray]) -> Rotation | None:
+def rotation_of(draft: Draft, values: Mapping[str, np.ndarray]) -> Rotation | None:
     """Body to world, (n,); None without an attitude in every row."""
     for stream in ("mocap", "attitude_qw"):
         turn = _vector(draft, values, [(stream, q) for q in QUATERNION])

@@ -73,6 +73,20 @@ def test_stamps_since_1970_get_their_unit(tmp_path, table, unit, per_s):
     assert not any("never grows" in note for note in draft.notes)
 
 
+def test_the_date_shows_the_unit_of_a_time_whatever_its_name_implies(tmp_path):
+    rows = [f"{1403715524907143 + 50000 * i},{0.01 * i}" for i in range(N)]
+    (tmp_path / "data.csv").write_text("\n".join(["#timestamp [ns],p_RS_R_x [m]", *rows]) + "\n")
+    draft = draft_columns(tmp_path / "data.csv")
+    assert draft.mapped["", "time"] == ("timestamp [ns]", "us")
+    assert "decades ago" in " ".join(draft.notes)
+
+
+def test_a_time_of_no_date_that_is_too_long_for_a_counter_is_assumed(tmp_path):
+    rows = [f"{1.54e7 + 0.02 * i:.3f},{0.3 * np.sin(0.01 * i)}" for i in range(N)]
+    (tmp_path / "log.csv").write_text("\n".join(["t,gyro_x [rad/s]", *rows]) + "\n")
+    assert draft_columns(tmp_path / "log.csv").status["t"] == "assumed"
+
+
 def test_a_position_that_may_be_in_cm_or_mm_is_asked_about(tmp_path, table):
     path = write(tmp_path / "f.csv", {"t": table["time"], "vbat": table["vbat"],
                                       **{a: 100.0 * table[f"p{a}"] for a in "xyz"}})

@@ -35,10 +35,12 @@ def flown():
     return t, p + 3e-4 * rng.standard_normal(p.shape), v, a, turn, rate + 0.01 * rng.standard_normal(p.shape)
 
 
-def drafted(tmp_path, **vectors):
-    """The draft of a table with time, position, attitude and these vectors: name with ? for the axis -> (n, 3)."""
+def drafted(tmp_path, time=1.0, place=(1.0, 1.0, 1.0), **vectors):
+    """The draft of a table with time, position, attitude and these vectors: name with ? for the axis -> (n, 3).
+
+    time, place: factors of their columns."""
     t, p, _, _, turn, _ = flown()
-    columns = {"t": t, **{a: p[:, i] for i, a in enumerate("xyz")}}
+    columns = {"t": time * t, **{a: place[i] * p[:, i] for i, a in enumerate("xyz")}}
     columns |= {f"q{a}": turn.as_quat()[:, i] for i, a in enumerate("xyzw")}
     for name, vector in vectors.items():
         columns |= {name.replace("_AXIS", f"_{a}"): vector[:, i] for i, a in enumerate("xyz")}
@@ -65,6 +67,24 @@ def test_vectors_in_other_axes_are_not(tmp_path, name, key, says):
     assert key not in draft.mapped
     assert says in " ".join(draft.unknown.values())
     assert ("mocap", "px") in draft.mapped
+
+
+@pytest.mark.parametrize("changed", [{"time": 0.01}, {"time": 100.0}, {"place": (1.0, 1.0, 12.0)},
+                                     {"place": (0.1, 0.1, 0.1)}])
+def test_a_path_that_the_accelerometer_contradicts_is_asked_about(tmp_path, changed):
+    _, _, _, a, turn, w = flown()
+    force = turn.inv().apply(a + G) + 0.05 * np.random.default_rng(6).standard_normal(a.shape)
+    draft = drafted(tmp_path, **changed, acc_AXIS=force, gyro_AXIS=w)
+    assert ("mocap", "pz") not in draft.mapped
+    assert draft.questions
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1.0, "m/s^2"), (1.0 / 9.81, "g")])
+def test_an_estimated_acceleration_has_the_unit_of_the_rate_of_its_velocity(tmp_path, factor, unit):
+    _, _, v, a, _, _ = flown()
+    draft = drafted(tmp_path, ekf_vel_AXIS=v, ekf_acc_AXIS=factor * a)
+    assert draft.mapped["estimator_acc", "ax"] == ("ekf_acc_x", unit)
+    assert draft.status["ekf_acc_x"] == "shown"
 
 
 def test_the_sign_of_a_pitch_follows_from_the_gyro(tmp_path):
