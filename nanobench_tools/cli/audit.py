@@ -39,7 +39,7 @@ def audit(options: Options) -> int:
     audits, copies = options.audit(flights)
     body = audit_body(flights, audits, copies)
     verb = next((v for v in NEXT if any(not entry["can"][v] for entry in body["flights"])), "")
-    command = ("nanobench", verb, *same(options)) if verb else again("--verbose")
+    command = ("nanobench", verb, *same(options)) if verb else () if options.verbose else again("--verbose")
     close(options, audit_sentence(body), NEXT.get(verb, "every fault with its evidence"), *command,
           screen=[*audit_screen(options, audits, copies), *assumed(flights)],
           detail=[*audit_detail(options, audits, copies), *assumed(flights)])

@@ -42,7 +42,7 @@ def close(options: Options, result: str, why: str = "", *command: object, screen
     else:
         height = sum(-(-len(line) // width) or 1 for line in tail)
         if sys.stderr.isatty():
-            height += sum(len(folded(text, width)) for text in options.said)
+            height += sum(len(folded(text, width)) for text in (*options.said, *options.failures()))
         _show_within(options, screen, max(screen_height(), lines) - PROMPT - height)
     write_lines(tail)
 

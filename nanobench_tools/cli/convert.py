@@ -92,7 +92,9 @@ def _convert_recordings(options: Options, to: str, mocap: Path | None) -> int:
     count = len(result.values)
     text = f"{count} recording{'s' * (count != 1)} written to {options.out}"
     if to == "parquet":  # a file per stream, for other programs
-        close(options, text)
+        tables = sorted(path for value in result.values.values() for path in Path(value["file"]).glob("*.parquet"))
+        look = [f"import pandas; print(pandas.read_parquet({str(table)!r}))" for table in tables[:1]]
+        close(options, text, "look at one", *(("python", "-c", *look) if look else ()))
     elif to == "rrd":
         close(options, text, "look at it", "rerun", *[value["file"] for value in result.values.values()][:1])
     else:

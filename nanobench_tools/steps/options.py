@@ -34,6 +34,8 @@ SMALLEST = 24
 SAID_OF_BAGS = ("received", "is taken for", "bear no names", "no definition", "not read; choose",
                 "one recording in")
 """Notes on a bag that are printed."""
+MOST_FAILED = 3
+"""More failures are counted; each is shown with ``--verbose``."""
 MOST_TOPICS = 8
 """Lines about topics of bags that are printed; audit.json has all."""
 Case = TypeVar("Case")
@@ -234,9 +236,18 @@ class Options:
 
     def exit_code(self) -> int:
         """0, or 1 after listing on stderr what failed."""
-        for failure in self.failed:
-            print(" ".join(f"failed: {failure['item']}: {failure['error']}".split()), file=sys.stderr)
+        for line in self.failures():
+            print(line, file=sys.stderr)
         return 1 if self.failed else 0
+
+    def failures(self) -> list[str]:
+        """What failed, a line each. Of many, without ``--verbose``, the first ones without advice, and how many more.
+        """
+        lines = [" ".join(f"failed: {failure['item']}: {failure['error']}".split()) for failure in self.failed]
+        if self.verbose or len(lines) <= MOST_FAILED:
+            return lines
+        return [*(line.partition("; ")[0] for line in lines[:MOST_FAILED]),
+                f"failed: {len(lines) - MOST_FAILED} more; --verbose shows each, and what to do"]
 
     def say(self, text: str) -> None:
         """A line on stderr for a person, unless ``--quiet``."""

@@ -1,6 +1,6 @@
 """Tables and sentences as lines of a terminal. Words and numbers are never cut. Where the width does not suffice,
-spreads are left out first, then text is folded between words. Then columns are left out and listed, or stacked below
-each other."""
+spreads are left out first, then text is folded between words, then long words of sentences (topics, paths) are broken.
+Then columns are left out and listed, or stacked below each other."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from .result_table import Cell, Column, Score, Table, score_text
 GAP = 2
 FOLDED = 14
 """Least width of a column whose text is folded."""
+UNBROKEN = 24
+"""Characters of a word of a sentence that stay together; a number has fewer."""
 NAMED = 4
 """Columns left out that are named."""
 UNBOUNDED = 100_000
@@ -46,6 +48,8 @@ def _blocks(table: Table, width: int, stack: bool) -> tuple[list[Table], list[st
     for spreads in ("all", "first", "none"):
         if _widths(table, width, spreads) is not None:
             return [table], []
+    if _widths(table, width, "none", broken=True) is not None:
+        return [table], []
     first = next((i for i, c in enumerate(table.columns) if c.kind != "text"), 1) or 1
     lead, others = list(range(first)), list(range(first, len(table.columns)))
     blocks: list[Table] = []
@@ -64,12 +68,13 @@ def _fits(table: Table, keep: list[int], width: int) -> list[int] | None:
     return _widths(table.keep(keep), width, "none")
 
 
-def _widths(table: Table, width: int, spreads: str) -> list[int] | None:
-    """The width of every column, None where they do not fit. Text is folded, the widest column first."""
+def _widths(table: Table, width: int, spreads: str, broken: bool = False) -> list[int] | None:
+    """The width of every column, None where they do not fit. Text is folded, the widest column first. ``broken``: long
+    words of sentences are, too."""
     rows = _texts(table, spreads)
     natural = [max((len(row[i]) for row in rows), default=0) for i in range(len(table.columns))]
     found = [max(n, _longest(_whole(c.heading))) for n, c in zip(natural, table.columns, strict=True)]
-    least = [max(min(n, max(FOLDED, *(_longest(row[i]) for row in rows))) if rows and c.kind == "text" else n,
+    least = [max(min(n, max(FOLDED, *(_longest(row[i], broken) for row in rows))) if rows and c.kind == "text" else n,
                  _longest(_whole(c.heading))) for i, (n, c) in enumerate(zip(natural, table.columns, strict=True))]
     over = sum(found) + GAP * (len(found) - 1) - width
     while over > 0:
@@ -86,8 +91,9 @@ def _whole(heading: str) -> str:
     return heading.replace(" %", "\u00a0%")
 
 
-def _longest(text: str) -> int:
-    return max(map(len, text.split(" ")))
+def _longest(text: str, broken: bool = False) -> int:
+    longest = max(map(len, text.split(" ")))
+    return min(longest, UNBROKEN) if broken and " " in text else longest
 
 
 def _texts(table: Table, spreads: str) -> list[Row]:
@@ -107,7 +113,7 @@ def _text(cell: Cell, column: Column, interval: bool, deviation: bool) -> str:
 def _drawn(table: Table, width: int, most: int | None) -> list[str]:
     """One block: headings, a rule, rows; at most ``most`` lines."""
     spreads = next((s for s in ("all", "first", "none") if _widths(table, width, s) is not None), "none")
-    widths = _widths(table, width, spreads) or _forced(table, width)
+    widths = _widths(table, width, spreads) or _widths(table, width, spreads, broken=True) or _forced(table, width)
     right = [c.kind != "text" for c in table.columns]
     heads = [folded(_whole(c.heading), w) for c, w in zip(table.columns, widths, strict=True)]
     lines = [*_row(heads, widths, right), "-" * (sum(widths) + GAP * (len(widths) - 1))] if any(

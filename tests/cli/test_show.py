@@ -7,6 +7,7 @@ import pytest
 
 from nanobench_tools.metrics.statistics import summary
 from nanobench_tools.protocols.published import MeanStd
+from nanobench_tools.steps.options import Options
 from nanobench_tools.steps.show import interval_text, ratio_text, say_reasons, score_text, sessions_text
 
 
@@ -38,3 +39,13 @@ def test_reasons_fit_a_screen(verbose, said):
     lines: list[str] = []
     say_reasons(SimpleNamespace(verbose=verbose, say=lines.append), [("a", "x"), ("b", "y"), ("c", "z")])
     assert lines == said
+
+
+@pytest.mark.parametrize(("verbose", "lines"), [(False, 4), (True, 20)])
+def test_many_failures_fit_a_screen(verbose, lines):
+    options = Options(verbose=verbose, failed=[
+        {"item": "read", "file": f"{k}.csv", "error": f"{k}.csv: not a recording; draft a map"} for k in range(20)])
+    found = options.failures()
+    assert len(found) == lines
+    assert ("draft a map" in found[0]) is verbose
+    assert verbose or found[-1] == "failed: 17 more; --verbose shows each, and what to do"

@@ -121,3 +121,12 @@ def test_a_column_of_text_that_is_empty_everywhere_is_not_shown():
     assert "what to do" not in "\n".join(lines_of(Table.plain("T", ("recording", "s", "what to do"), rows), 80))
     rows.append(("c", "3.0", "mend it"))
     assert "mend it" in "\n".join(lines_of(Table.plain("T", ("recording", "s", "what to do"), rows), 80))
+
+
+def test_a_long_topic_in_a_sentence_is_broken_rather_than_the_verdict_left_out():
+    topic = "/vrpn_client_node/uav1/pose.pose.orientation.x"
+    table = Table.plain("", ("recording", "", "verdict"),
+                        [("bag_clocks_do_not_overlap.flight", "unusable", f"not usable: {topic} is in another unit")])
+    lines = lines_of(table, 80)
+    assert max(map(len, lines)) <= 80
+    assert topic in "".join(line[44:].strip() for line in lines)
