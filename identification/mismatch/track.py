@@ -126,7 +126,8 @@ def tracks_of(flight: Flight, audit: Audit, number: int, with_battery: bool = Tr
         stamps = flight["command" if unit else "motor"].time_s
         flight = flight.with_streams(battery=make_stream("battery", stamps, np.full((len(stamps), 1), NO_BATTERY_V),
                                                          ("vbat",)))
-    spans = intersect_spans(audit.airborne, audit.clean_for((*needed, "")))
+    read = [name for name in needed if with_battery or name != "battery"]
+    spans = intersect_spans(audit.airborne, audit.clean_for((*read, "")))
     start = min((s.start_s for s in audit.airborne), default=0.0)
     spans = subtract_spans(spans, _contacts(flight, audit.airborne))
     return [track for span in spans if span.duration_s >= SHORTEST_S
