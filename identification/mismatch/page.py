@@ -87,7 +87,8 @@ def tables(verdict: Verdict, body: Mapping[str, Any], drawn: Mapping[str, Any],
 
 def findings(body: Mapping[str, Any]) -> Table:
     rows = [(entry["term"], find_term(entry["term"]).sentence, ";\n".join(
-        f"{name.partition('.')[2]} {p['value']:.4g} ({p['ci95'][0]:.4g} .. {p['ci95'][1]:.4g}) {p['unit']}"
+        f"{name.partition('.')[2]} {p['value']:.4g} ({p['ci95'][0]:.4g} .. {p['ci95'][1]:.4g})"
+        + f" {p['unit']}" * (p["unit"] != "1")
         for name, p in entry["parameters"].items()), f"{100 * entry['confidence']:.0f}",
              DASH if entry["residual_share"] is None else f"{100 * entry['residual_share']:.0f}",
              f"{', '.join(entry['where']['axes'])} ({entry['where']['frame']})",
@@ -95,9 +96,9 @@ def findings(body: Mapping[str, Any]) -> Table:
              ", ".join(entry["equivalent"]) or "nothing else", entry["settle_with"] or DASH)
             for entry in body["findings"]]
     return Table("What the simulator leaves out",
-                 (("Effect", "", False), ("What it is", "", False), ("Flights say (95 %)", "", False),
+                 (("Effect", "", False), ("What it is", "", False), ("From the flights (95 %)", "", False),
                   ("Confidence", "%", True), ("Share", "%", True), ("Shows in (frame)", "", False),
-                  ("Goes with", "", False), ("Flights", "", False), ("Cannot be told from", "", False),
+                  ("Goes with", "", False), ("Flights", "", False), ("Indistinguishable from", "", False),
                   ("What would settle it", "", False)), rows)
 
 
@@ -159,7 +160,7 @@ def parameters(body: Mapping[str, Any]) -> Table:
     rows = [(name, f"{p['believed']:.5g}", f"{p['value']:.5g}", f"{p['ci95'][0]:.4g} .. {p['ci95'][1]:.4g}", p["unit"])
             for entry in body["findings"] for name, p in entry["parameters"].items()]
     return Table("Parameters of the corrected simulator",
-                 (("Parameter", "", False), ("Simulator", "", True), ("Flights say", "", True), ("95 %", "", True),
+                 (("Parameter", "", False), ("Simulator", "", True), ("From the flights", "", True), ("95 %", "", True),
                   ("Unit", "", False)), rows)
 
 

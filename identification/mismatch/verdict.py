@@ -256,8 +256,8 @@ def paragraph(body: Mapping[str, Any], recordings: Recordings, proof: Proof) -> 
     parts = []
     for entry in body["findings"]:
         term = find_term(entry["term"])
-        values = ", ".join(f"{name.partition('.')[2]} = {p['value']:.4g} {p['unit']} (95 %: {p['ci95'][0]:.4g} to "
-                           f"{p['ci95'][1]:.4g}; the simulator has {p['believed']:.4g})"
+        values = ", ".join(f"{name.partition('.')[2]} = {p['value']:.4g}" + f" {p['unit']}" * (p["unit"] != "1") +
+                           f" (95 %: {p['ci95'][0]:.4g} to {p['ci95'][1]:.4g}; the simulator has {p['believed']:.4g})"
                            for name, p in entry["parameters"].items())
         other = f" These flights cannot tell it from {' or '.join(entry['equivalent'])}." if entry["equivalent"] else ""
         settle = f" What would: {entry['settle_with']}." if entry["settle_with"] else ""

@@ -34,10 +34,10 @@ from .tiles import tiles
 _TITLE = re.compile(r"<title>(.*?)</title>", re.DOTALL)
 RESULTS = ("audit", "estimate", "sysid", "thrust", "control", "verdict")
 """Result files the page is made from, ``<name>.json``."""
-SCRIPTS = ("chart.js", "page.js")
+SCRIPTS = ("chart.js", "tables.js", "page.js")
 NAMED_FOLDERS = 2
 """The title names this many folders of recordings."""
-FIGURE_SCRIPTS = ("chart.js", "figures.js")
+FIGURE_SCRIPTS = ("chart.js", "tables.js", "figures.js")
 """Of the pages that draw all they have: ``data`` holds the figures."""
 
 

@@ -110,8 +110,9 @@ def of_control(control: Mapping[str, Any]) -> Tile | None:
     if best is None or value is None:
         return None
     pilot = PEOPLE.get(str(best.get("controller")), str(best.get("controller")))
-    return Tile("Tracking error", _unit("ate_rmse_m", value), f"RMSE, {pilot}, n = {best.get('n')}", "",
-                "control")
+    path = " ".join(str(best[key]).replace("_", " ") for key in ("reference", "speed") if best.get(key))
+    which = f"{'smallest ' * (len(rows) > 1)}RMSE, {pilot}" + f", {path}" * bool(path)
+    return Tile("Tracking error", _unit("ate_rmse_m", value), f"{which}, n = {best.get('n')}", "", "control")
 
 
 def of_verdict(verdict: Mapping[str, Any]) -> Tile | None:

@@ -60,7 +60,8 @@ def overview(results: Results) -> Words:
     if repeats:
         lines.append(f"Among the recordings are {repeats} of others; repeated rows count once in the corrected tables.")
     if found:
-        kinds = ", ".join(f"{kind} in {n}" for kind, n in sorted(found.items(), key=lambda item: (-item[1], item[0])))
+        often = sorted(found.items(), key=lambda item: (-item[1], item[0]))
+        kinds = ", ".join(f"{kind.replace('_', ' ')} in {n}" for kind, n in often)
         lines.append(f"Faults by number of recordings: {kinds}.")
     else:
         lines.append("No fault was found.")
@@ -235,7 +236,7 @@ def _retimed_blackout(rows: Sequence[Mapping[str, Any]]) -> Words:
         if course:
             points.append(f"{method}: {', '.join(course)}.")
         if clock == "joint":
-            points.append(f"{method} on every clock, 5 s later: {_bracket(mine, method)}. Streams that voted in the "
+            points.append(f"{method} on every clock, 5 s later: {_bracket(mine, method)}. Streams that set the "
                           f"joint clock: {', '.join(row.get('clock_evidence') or [])}.")
     return ["Dead reckoning, after the last pose. Mean position error over flights, before and after the moving "
             "error of the clock is removed:", points] if points else []
@@ -288,8 +289,8 @@ def _clock_task3(rows: Sequence[Mapping[str, Any]]) -> Words:
     moving = number(after.get("n_moving"))
     if moving is not None:
         lines.append(f"A moving error was shown in {moving:.0f} of {after.get('n')} flights. {_voters(after)}")
-    lines.append("This answers off-line what limits the estimate: it takes the motion capture of the whole flight. It "
-                 "is no claim of what could be known in flight.")
+    lines.append("This is an offline analysis: it uses motion capture from the whole flight, so it does not show what "
+                 "the vehicle could know in flight.")
     return lines
 
 
@@ -299,8 +300,8 @@ def _voters(row: Mapping[str, Any]) -> str:
     if not places:
         return "Which streams set this clock is not in the result file."
     attitude = f" Attitudes are judged on a clock from {turns}." if turns else ""
-    return (f"This clock was set by {places} against the motion capture. The estimated position and velocity had no "
-            f"vote, so they can be judged on it.{attitude} The remaining error includes the error of the clock "
+    return (f"This clock was set by {places} against the motion capture. The estimated position and velocity were not "
+            f"used for it, so they can be judged on it.{attitude} The remaining error includes the error of the clock "
             "correction.")
 
 
@@ -314,7 +315,7 @@ def _notes(body: Mapping[str, Any], *keys: str) -> list[str]:
         reasons[kind] = reasons.get(kind, 0) + 1
     if reasons:
         kinds = "; ".join(f"{n} ({kind})" for kind, n in sorted(reasons.items(), key=lambda item: -item[1]))
-        judgement.append(f"In no row: {_count(sum(reasons.values()), 'recording')}, {kinds}.")
+        judgement.append(f"Excluded: {_count(sum(reasons.values()), 'recording')}, {kinds}.")
     return judgement
 
 

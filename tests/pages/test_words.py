@@ -45,7 +45,7 @@ def test_overview_counts(results):
     assert "Among the recordings are 1 copy of others" in text
     left = {"left_out": [{"flight": "x", "reason": "slice of y"}, {"flight": "z", "reason": "slice of y"}]}
     assert "1 copy and 2 slices of others" in flat(words.overview({**results, "control": left}))
-    assert "dead_stream in 2, spike in 2" in text
+    assert "dead stream in 2, spike in 2" in text
 
 
 def test_recordings_in_no_row_are_counted_by_reason(results):
@@ -53,7 +53,7 @@ def test_recordings_in_no_row_are_counted_by_reason(results):
     left = [{"flight": str(i), "reason": reason} for i, reason in enumerate(reasons)]
     body = {**results["estimate"], "left_out": left}
     assert words.task3({"estimate": body})[-1] == (
-        "In no row: 4 recordings, 2 (copy of another); 1 (slice of another); 1 (never in the air).")
+        "Excluded: 4 recordings, 2 (copy of another); 1 (slice of another); 1 (never in the air).")
     assert words.task2({"control": {**results["control"], "gate_note": "no gate yet"}})[-1] == "No gate yet."
 
 
@@ -70,7 +70,7 @@ def test_task3_says_what_is_a_clock_and_which_streams_told(results):
     assert ("ATE: 21.0 mm as recorded, 20.0 mm less a constant offset, 9.0 mm re-timed (57 % less, ratio 0.39 .. 0.47)."
             in text)
     assert "shown in 2 of 2 flights. This clock was set by gyro, attitude against the motion capture." in text
-    assert "no claim of what could be known in flight" in text
+    assert "does not show what the vehicle could know in flight" in text
     changed = copy.deepcopy(results)
     changed["estimate"]["rows"][-1]["metrics"]["ate_rmse_m"]["mean"] = 0.0205
     assert "largely a clock" not in flat(words.task3(changed))
@@ -120,4 +120,4 @@ def test_dead_reckoning_is_shown_on_every_clock(results):
             for clock, value in (("as-recorded", 0.3), ("offset", 0.29), ("retimed", 0.25), ("joint", 0.21))]
     said = flat(words.task3({**results, "estimate": {"rows": rows}}))
     assert "drag on every clock, 5 s later: 0.300 m as recorded, 0.290 m offset, 0.250 m retimed, 0.210 m joint" in said
-    assert "voted in the joint clock: gyro, position" in said
+    assert "set the joint clock: gyro, position" in said

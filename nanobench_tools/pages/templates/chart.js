@@ -115,11 +115,13 @@ const nanobench = (() => {
     const first = place.data.length - dots.length;
     const units = new Map(figure.panels.flatMap((panel, k) => (panel.timed ? [[`x${numbered(k)}`, panel.unit]] : [])));
     const told = place.data.filter(trace => units.has(trace.xaxis) && trace.name && trace.type !== "bar" && trace.line.width >= 1);
+    const titles = new Map(figure.panels.map((panel, k) => [`x${numbered(k)}`, (place.layout[`yaxis${numbered(k)}`]?.title?.text ?? "").replace(/ \[.*$/, "")]));
+    const label = s => (told.some(other => other !== s && other.meta === s.meta) && titles.get(s.xaxis)) || s.meta;
     const lines = place.layout.shapes.length - units.size;
     let waiting = false;
     const move = () => {
       const t = Number(slider.value);
-      output.textContent = [`${t.toFixed(2)} s`, ...told.map(s => [s, s.y[nearest(s.x, t)]]).filter(([, v]) => v !== null && v !== undefined).map(([s, v]) => `${s.meta} ${Number(v.toPrecision(3))} ${units.get(s.xaxis)}`.trim())].join(" · ");
+      output.textContent = [`${t.toFixed(2)} s`, ...told.map(s => [s, s.y[nearest(s.x, t)]]).filter(([, v]) => v !== null && v !== undefined).map(([s, v]) => `${label(s)} ${Number(v.toPrecision(3))} ${units.get(s.xaxis)}`.trim())].join(" · ");
       slider.setAttribute("aria-valuetext", output.textContent);
       if (waiting) return;
       waiting = true;

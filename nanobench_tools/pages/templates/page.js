@@ -1,5 +1,5 @@
 "use strict";
-// Puts the report to work: sorting, cards on a phone, the flight that was chosen.
+// Puts the report to work: sorting, the flight that was chosen.
 (() => {
   for (const table of document.querySelectorAll("table.sortable")) {
     table.querySelectorAll("thead th").forEach((head, column) => head.querySelector("button").addEventListener("click", () => {
@@ -16,39 +16,6 @@
       table.tBodies[0].append(...[...table.tBodies[0].rows].sort(order));
     }));
   }
-
-  // On a phone a row is a card: every cell says the name of its column.
-  function cards() {
-    if (window.innerWidth > 600) return;
-    for (const table of document.querySelectorAll("main table")) {
-      table.classList.add("cards");
-      const heads = [...table.querySelectorAll("thead th")].map(head => {
-        const unit = head.querySelector(".unit");
-        return unit ? `${head.textContent.slice(0, -unit.textContent.length)} [${unit.textContent}]` : head.textContent;
-      });
-      for (const row of table.tBodies[0].rows) [...row.cells].forEach((cell, i) => { if (i) cell.dataset.head = heads[i]; });
-    }
-  }
-
-  // On a desk a table shows the columns that fit; a button shows the others.
-  function fit(table) {
-    const [box, columns] = [table.parentElement, table.tHead.rows[0].cells.length];
-    const show = count => { for (const row of table.rows) [...row.cells].forEach((cell, i) => { cell.hidden = i >= count; }); };
-    box.nextElementSibling?.classList.contains("more") && box.nextElementSibling.remove();
-    show(columns);
-    if (window.innerWidth <= 600 || !box.clientWidth || table.scrollWidth <= box.clientWidth + 1) return;
-    let count = columns - 1;
-    for (show(count); count > 2 && table.scrollWidth > box.clientWidth + 1; show(--count));
-    const more = Object.assign(document.createElement("button"), { type: "button", className: "more", textContent: `Show ${columns - count} more columns` });
-    more.addEventListener("click", () => { show(columns); more.remove(); });
-    box.after(more);
-  }
-  const tables = [...document.querySelectorAll("main .scroll > table")].filter(table => table.tHead);
-  const refit = () => tables.forEach(fit);
-  window.addEventListener("resize", refit);
-  window.addEventListener("beforeprint", () => document.querySelectorAll("button.more").forEach(button => button.click()));
-  document.querySelectorAll("details").forEach(part => part.addEventListener("toggle", () => part.querySelectorAll(".scroll > table").forEach(fit)));
-  refit();
 
   const $ = id => document.getElementById(id);
   const chosen = $("chosen");
@@ -89,7 +56,7 @@
     const figure = $("fig-flight");
     figure.querySelector(".note").textContent = data.figure.note;
     nanobench.put(figure, data.figure);
-    cards();
+    nanobench.cards();
     document.documentElement.dataset.ready = String(i);
   }
 
@@ -108,8 +75,6 @@
       show(i).then(() => { $("flight-name").scrollIntoView(); $("flight-name").focus({ preventScroll: true }); });
     });
   }
-  cards();
-  window.addEventListener("resize", cards);
   nanobench.start("data-drawings").then(() => {
     if (!chosen) { document.documentElement.dataset.ready = "none"; return; }
     const i = fromAddress();
