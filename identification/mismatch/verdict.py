@@ -251,6 +251,36 @@ def _faults_text(recordings: Recordings) -> str:
         f"{what} ({len(set(names))} of {len(recordings.flights)} flights)" for what, names in kinds.items()) + "."
 
 
+def only_translation(body: Mapping[str, Any], recordings: Recordings) -> list[str]:
+    """Sentences on what could not be asked because only forces are compared; none where moments are, too."""
+    first = recordings.tracks[0]
+    if first.commanded:
+        how = "in N, in equal parts: no thrust map is asked" if first.commanded == "N" else \
+            "as a share of full, the same on each"
+        return [f"Only translation was asked: the recordings hold a collective thrust command ({how}) and the "
+                f"measured attitude. {', '.join(e['term'] for e in body['not_asked'] if e['why'] == WHY)} {WHY}."]
+    if first.forces_only:
+        unasked = ", ".join(e["term"] for e in body["not_asked"] if e["why"] == WHY_STILL)
+        return ["Only translation was asked, along the measured attitude: the simulator gives no angular "
+                f"acceleration. {unasked} {WHY_STILL}."]
+    return []
+
+
+def improved(body: Mapping[str, Any], held_out: bool, flights: int) -> list[str]:
+    """A sentence on how the prediction of left-out flights changes with what was identified; none without that."""
+    if not body["findings"]:
+        return []
+    before, after = body["improvement"]["50"]["before"], body["improvement"]["50"]["after"]
+    own = ", each with its own value of what differs between flights," if body["levels"] else ""
+    goes = "falls" if after["position_m"] <= before["position_m"] else "goes"
+    turns = ", the measured attitude given" if after["attitude_rad"] is None else \
+        f" and from {before['attitude_rad']:.4f} to {after['attitude_rad']:.4f} rad"
+    return [f"On flights left out of the fit{own} the error after half a second {goes} from "
+            f"{before['position_m']:.4f} to {after['position_m']:.4f} m{turns}." if held_out else
+            "One flight only: the fit was not tested on another." if flights == 1 else
+            "Flights differ; each was predicted with its own value, so nothing was held out."]
+
+
 def paragraph(body: Mapping[str, Any], recordings: Recordings, proof: Proof) -> str:
     """Text of the verdict: effect, place, size, certainty, alternatives, and improvement of the prediction."""
     parts = []
@@ -271,14 +301,7 @@ def paragraph(body: Mapping[str, Any], recordings: Recordings, proof: Proof) -> 
         x, y, z = 1e3 * recordings.arm.r_m
         parts.append(f"The point that was tracked sits {x:.0f}, {y:.0f}, {z:.0f} mm (x, y, z) off the centre of mass; "
                      "the path of the centre is judged.")
-    if unit := recordings.tracks[0].commanded:
-        how = "in N, in equal parts: no thrust map is asked" if unit == "N" else "as a share of full, the same on each"
-        parts.append(f"Only translation was asked: the recordings hold a collective thrust command ({how}) and the "
-                     f"measured attitude. {', '.join(e['term'] for e in body['not_asked'] if e['why'] == WHY)} {WHY}.")
-    elif recordings.tracks[0].forces_only:
-        unasked = ", ".join(e["term"] for e in body["not_asked"] if e["why"] == WHY_STILL)
-        parts.append("Only translation was asked, along the measured attitude: the simulator gives no angular "
-                     f"acceleration. {unasked} {WHY_STILL}.")
+    parts += only_translation(body, recordings)
     if body["outcome"] == "none":
         parts.append(f"No mismatch: {recordings.judged_s:.0f} s of {len(recordings.flights)} flights agree with the "
                      "simulator as well as the logging allows.")
@@ -288,14 +311,5 @@ def paragraph(body: Mapping[str, Any], recordings: Recordings, proof: Proof) -> 
         parts.append(f"Something is there that no term of the vocabulary describes{size}: {body['unknown']['hint']}.")
     if body["outcome"] == "data_fault":
         parts.append(f"The data are at fault, not the physics. {_faults_text(recordings)}")
-    if body["findings"]:
-        before, after = body["improvement"]["50"]["before"], body["improvement"]["50"]["after"]
-        own = ", each with its own value of what differs between flights," if body["levels"] else ""
-        goes = "falls" if after["position_m"] <= before["position_m"] else "goes"
-        turns = ", the measured attitude given" if after["attitude_rad"] is None else \
-            f" and from {before['attitude_rad']:.4f} to {after['attitude_rad']:.4f} rad"
-        parts.append(f"On flights left out of the fit{own} the error after half a second {goes} from "
-                     f"{before['position_m']:.4f} to {after['position_m']:.4f} m{turns}." if proof.held_out else
-                     "One flight only: the fit was not tested on another." if len(proof.flights) == 1 else
-                     "Flights differ; each was predicted with its own value, so nothing was held out.")
+    parts += improved(body, proof.held_out, len(proof.flights))
     return " ".join(parts)

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from ..physics import Model, Vehicle
     from ..physics.adapters.given import Simulator
 
-ENGINES = ("rules", "posterior")
-"""Engines of a verdict; the first is the default."""
+ENGINES = ("auto", "rules", "posterior")
+"""Engines of a verdict; the first is the default, and is one of the others, by the recordings."""
 
 
 @dataclass(frozen=True)
@@ -84,18 +84,19 @@ def check_possible(model: Model, place: str) -> None:
 
 def engine_of(name: str) -> Callable[..., Verdict]:
     """What diagnoses, by name: one of ``ENGINES``."""
-    from identification.mismatch.diagnosis import diagnose as by_rules
-    from identification.mismatch.posterior.posterior_engine import diagnose as by_posterior
+    from identification.mismatch.default_engine import by_posterior, by_rules
+    from identification.mismatch.default_engine import diagnose as by_default
 
-    return by_posterior if name == "posterior" else by_rules
+    return {"auto": by_default, "rules": by_rules, "posterior": by_posterior}[name]
 
 
 def engine_of_flights(name: str) -> Callable[..., dict[str, Any]]:
     """What diagnoses recordings as they were read, by name: one of ``ENGINES``; its verdict as of verdict.json."""
+    from identification.mismatch.default_engine import diagnose_flights as by_default
     from identification.mismatch.diagnosis import diagnose_flights as by_rules
     from identification.mismatch.posterior.posterior_engine import diagnose_flights as by_posterior
 
-    return by_posterior if name == "posterior" else by_rules
+    return {"auto": by_default, "rules": by_rules, "posterior": by_posterior}[name]
 
 
 def against_model(options: Options, recordings: Recordings, model: Model, place: str = "simulator",

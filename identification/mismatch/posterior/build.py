@@ -82,7 +82,7 @@ def build(wrench: Wrench, space: Space, simulator: Model, seed: int = 0) -> Case
                      for part in (force, torque * arm[None, :, None]) for k in range(3)])
     evidence = Evidence(effects, background, grams.of(np.ones(len(numbers), bool)), owner, unit, lower * unit,
                         upper * unit, _believed(wrench, space, effects, unit, arm), work, _varying(wrench, torque),
-                        arm, len(numbers))
+                        arm, len(numbers), rows.by_set_points)
     return Case(wrench, space, simulator, effects, background, rows, beside, evidence, numbers, grams, arm)
 
 

@@ -19,7 +19,7 @@ from ..headline import good_for, headline
 from ..proof import HORIZONS, floor_of
 from ..recordings import Recordings
 from ..space import space_around
-from ..verdict import Verdict, data_faults, not_asked
+from ..verdict import Verdict, data_faults, improved, not_asked, only_translation
 from ..wrench import Wrench
 from .background import FORCES
 from .build import Case, build
@@ -100,7 +100,7 @@ def body_of(case: Case, decision: Decision, improvement: Improvement, recordings
         "levels": {}, "not_asked": not_asked(case.wrench),
         "leaning": dict(decision.leaning), "discrepancy_m_s2": left, "corrected_simulator": None, "elapsed_s": 0.0,
         "engine": "posterior"}
-    body["paragraph"] = _paragraph(body, recordings)
+    body["paragraph"] = _paragraph(body, recordings, improvement)
     body["good_for"] = good_for(body["improvement"])
     body["good_for_corrected"] = good_for(body["improvement"], "after") if findings else None
     body["headline"] = headline(body)
@@ -152,9 +152,10 @@ def _after(unit: str) -> str:
     return "" if unit == "1" else f" {unit}"
 
 
-def _paragraph(body: dict[str, Any], recordings: Recordings) -> str:
+def _paragraph(body: dict[str, Any], recordings: Recordings, improvement: Improvement) -> str:
     flown = sum(s.duration_s for a in recordings.audits.values() for s in a.airborne)
-    parts = [f"{recordings.judged_s:.0f} of {max(flown, recordings.judged_s):.0f} s in the air are judged."]
+    parts = [f"{recordings.judged_s:.0f} of {max(flown, recordings.judged_s):.0f} s in the air are judged.",
+             *only_translation(body, recordings)]
     for entry in body["findings"]:
         values = ", ".join(f"{n.partition('.')[2]} = {p['value']:.4g}{_after(p['unit'])} (95 %: {p['ci95'][0]:.4g} to "
                            f"{p['ci95'][1]:.4g}; the simulator has {p['believed']:.4g})"
@@ -169,7 +170,7 @@ def _paragraph(body: dict[str, Any], recordings: Recordings) -> str:
         parts.append(f"Something is there that no term of the vocabulary describes: {body['unknown']['hint']}.")
     elif not body["findings"]:
         parts.append("Nothing is identified.")
-    return " ".join(parts)
+    return " ".join([*parts, *improved(body, improvement.held_out, len(improvement.flights))])
 
 
 __all__ = ["diagnose", "diagnose_flights", "verdict_body", "weighed"]

@@ -33,6 +33,9 @@ SPIKE = number("posterior.set_evidence.spike")
 """m/s^2 by which every term may be wrong without being a finding."""
 LOOSE = number("posterior.set_evidence.loose")
 """Share of a believed term's contribution that may also be wrong."""
+LOOP = number("posterior.set_evidence.loop")
+"""The same for gains from command to moment where no set-points are logged: the controller answers disturbances, and
+gains then come out too small."""
 UNNAMED = number("posterior.set_evidence.unnamed")
 """Share of the discrepancy that may lie along any one slope."""
 MOST = count("posterior.set_evidence.most")
@@ -75,7 +78,7 @@ class Evidence:
     ``gram`` (C, C) of whitened columns: P of the effects, Q of the background, the residual last. ``owner`` (P,):
     number of the effect of each column. ``unit`` (P,): m/s^2 of a column per unit of its direction. ``believed`` (P,):
     m/s^2 of the simulator's own term. ``work`` (6, P, P): inner products of the columns along each axis, force and
-    moment. ``varying`` (6, P): share of ``work``'s diagonal that is not constant.
+    moment. ``varying`` (6, P): share of ``work``'s diagonal that is not constant. ``by_set_points``: as of ``Rows``.
     """
 
     effects: Sequence[Effect]
@@ -90,6 +93,7 @@ class Evidence:
     varying: np.ndarray
     arm: np.ndarray
     flights: int = 1
+    by_set_points: bool = True
     amplitudes: dict[str, float] = field(default_factory=dict)
     spike: np.ndarray = field(default_factory=lambda: np.zeros(0))
     sets: dict[tuple[int, ...], float] = field(default_factory=dict)
@@ -220,7 +224,8 @@ class Evidence:
         feigned = UNNAMED * np.sqrt((along[:, None] ** 2 * share).sum(0))
         terms = [self.effects[i].term for i in self.owner]
         levels = np.array([_shared(t, self.amplitudes) for t in terms]) / np.sqrt(max(self.flights, 1))
-        loose = self.believed * [0.0 if t in OFFSETS else SHAKE if t in GAINS else LOOSE for t in terms]
+        gain = SHAKE if self.by_set_points else LOOP
+        loose = self.believed * [0.0 if t in OFFSETS else gain if t in GAINS else LOOSE for t in terms]
         spike = np.sqrt(SPIKE**2 + loose**2 + feigned**2 + levels**2)
         twins = np.array([t in TWINS for t in terms], bool)
         self.amplitudes[LIFT_OF_ALL] = float(np.max(spike[twins], initial=0.0))

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from many_rotors import flights_of, model_of
 
-from identification.mismatch.diagnosis import diagnose_flights, recorded
+from identification.mismatch.default_engine import diagnose_flights
+from identification.mismatch.diagnosis import recorded
 from identification.mismatch.measured_speed import of_speed, with_speed
 from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.errors import InputError
