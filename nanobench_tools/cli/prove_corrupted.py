@@ -14,6 +14,7 @@ from .closing import again, close
 
 if TYPE_CHECKING:
     from identification.prove.corrupted.corrupted_rates import CorruptedProof
+    from identification.prove.corrupted.groups import Group
 
 DEFAULT_PLACES = "the default places"
 MOST_GROUPS = 2
@@ -38,8 +39,18 @@ def corrupted(options: Options, place: str, n: int | None, engine: str, vehicles
     absent = [v.name for v in asked if v.name not in seen]
     if absent:
         options.say(f"no recordings of {', '.join(absent)} below {', '.join(map(str, roots))}")
-    of = {v.name: groups_of(v, seen[v.name], groups or MOST_GROUPS, options.say) for v in asked if v.name in seen}
+    of: dict[str, list[Group]] = {}
+    why = ""
+    for vehicle in (v for v in asked if v.name in seen):
+        try:
+            of[vehicle.name] = groups_of(vehicle, seen[vehicle.name], groups or MOST_GROUPS, options.say)
+        except InputError as error:  # too little clean flight for a nominal simulator: the others go on
+            why = f"{vehicle.name} is left out: {one_line(str(error))}"
+            options.say(why)
     found = [g for mine in of.values() for g in mine]
+    if not found and why:
+        raise InputError(f"--corrupted {place}", f"has no vehicle with enough clean flight; {why}",
+                         "give the folder of more flights")
     if not found:
         folders = ", ".join(v.folder for v in asked)
         raise InputError(f"--corrupted {place}", "has no recordings of a known vehicle",

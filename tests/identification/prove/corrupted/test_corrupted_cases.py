@@ -229,3 +229,16 @@ def test_a_wrong_word_is_one_line(words, error, tmp_path, monkeypatch, capsys):
 def test_a_folder_without_known_vehicles_says_what_it_should_have(tmp_path, capsys):
     assert main(["prove", "--corrupted", str(tmp_path)]) == 2
     assert "crazyflie_usd/brushless_flights" in capsys.readouterr().err
+
+
+def test_a_vehicle_with_too_little_flight_does_not_stop_the_others(monkeypatch, real_data, capsys):
+    from identification.prove import corrupted
+
+    def groups_of(source, *_):
+        if source.name == "payload":
+            raise InputError("recordings", "11 s of clean flight", "give at least 15 s")
+        return []
+
+    monkeypatch.setattr(corrupted, "groups_of", groups_of)
+    assert main(["prove", "--corrupted", str(real_data), "--vehicle", "payload", "--vehicle", "brushless"]) == 2
+    assert "payload is left out: recordings: 11 s of clean flight" in capsys.readouterr().err
