@@ -94,7 +94,10 @@ def _motors(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
             draft.ask(keys, "they are of different size: are they all in one unit? write the unit of each")
             continue
         top, bottom = float(np.nanquantile(cells, 0.99)), float(np.nanmin(cells))
-        if top <= 1.2 and bottom >= -1.0:
+        if bottom < 0.0:
+            draft.ask(keys, f"between {bottom:.3g} and {top:.4g}: a rotor is commanded no negative thrust; is it a "
+                      "motor's command?")
+        elif top <= 1.2:
             draft.mapped.update({k: replace(draft.mapped[k], why=f"between {bottom:g} and {top:.3g}") for k in keys})
         elif bottom >= 900.0 and top <= 2100.0:
             draft.set_unit(keys, "pulse_us",
