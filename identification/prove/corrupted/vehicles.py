@@ -43,7 +43,7 @@ VEHICLES = (
                   "the same repository: brushed, rotor speed at 500 Hz"),
     VehicleSource("lee_upgraded", "crazyswarm_lee", Vehicle(mass_kg=0.0375, input="thrust"), 8, 3, 6, "along",
                   "github IMRCLab/crazyswarm2-tools: collective command in N", ("upgraded", 0.0375), True),
-    VehicleSource("lee_standard", "crazyswarm_lee", Vehicle(mass_kg=0.032, input="thrust"), 3, 2, 3, "along",
+    VehicleSource("lee_standard", "crazyswarm_lee", Vehicle(mass_kg=0.032, input="thrust"), 5, 1, 4, "along",
                   "the same repository", ("standard", 0.032), True),
 )
 
