@@ -116,7 +116,7 @@ class Verdict(Result):
                 "not_named": [{"term": t, "why": w} for t, w in decision.rejected.items()],
                 "levels": levels(moments, decision, recordings),
                 "not_asked": not_asked(moments.wrench),
-                "corrected_simulator": None, "elapsed_s": elapsed_s}
+                "corrected_simulator": None, "elapsed_s": elapsed_s, "engine": "rules"}
         body["paragraph"] = paragraph(body, recordings, proof)
         body["good_for"], body["good_for_corrected"] = good_for(body["improvement"]), (
             good_for(body["improvement"], "after") if named else None)
