@@ -28,6 +28,7 @@ def found(stand):
     return nb.thrust(stand, mass_kg=0.0408)
 
 
+@pytest.mark.slow
 def test_a_stand_gives_a_formula_that_can_be_evaluated(found):
     assert found.formula.startswith("T = ")
     assert "N" in found.formula
@@ -38,6 +39,7 @@ def test_a_stand_gives_a_formula_that_can_be_evaluated(found):
     np.testing.assert_allclose(found(0.7, battery_V), expected[1], rtol=0.03)
 
 
+@pytest.mark.slow
 def test_levels_and_table_have_units_and_say_what_was_measured(found):
     assert list(found.levels.index) == ["full", "empty"]
     full = found.levels.loc["full"]
@@ -49,11 +51,13 @@ def test_levels_and_table_have_units_and_say_what_was_measured(found):
     assert "extrapolated" in found.sentence
 
 
+@pytest.mark.slow
 def test_it_draws_its_curves(found):
     pytest.importorskip("plotly")
     assert len(found.plot().data) >= 5
 
 
+@pytest.mark.slow
 def test_a_command_in_counts_and_a_mass_in_grams_are_one_line(stand, found):
     with pytest.raises(nb.UsageError, match="65535"):
         found.thrust_N(40000, 3.8)

@@ -144,6 +144,7 @@ def test_drift_and_wander_are_told_apart(flights):
     assert result.clock["imu"].wander_sd_s == pytest.approx(0.03, rel=0.4)
 
 
+@pytest.mark.slow
 def test_wander_made_by_the_chain_is_the_links(recorded):
     streams = {f.stream for f in audit(recorded(LoggingChain(wander_sd_s=0.033))).faults if f.kind == "clock_wander"}
     assert {"imu", "estimator"} <= streams
@@ -165,6 +166,7 @@ def test_half_seconds_keep_of_a_fast_wander_what_its_smallest_size_allows_for():
 
 @pytest.mark.parametrize("size", [0.01, pytest.param(0.03, marks=pytest.mark.slow), 0.06,
                                   pytest.param(0.1, marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_a_wander_is_found_or_below_what_is_stated(flights, size):
     """Flights too slow for the track are told by half seconds alone, to which a fast wander is noise, too."""
     for i, flight in enumerate(flights[3::8]):  # linear ramps, most of which hover

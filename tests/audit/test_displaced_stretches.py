@@ -48,6 +48,7 @@ def test_the_whole_stretch_is_cut(flights):
 
 
 @pytest.mark.parametrize("share", [0.3, 0.7])
+@pytest.mark.slow
 def test_a_jump_without_return_leaves_the_longer_side(flights, share):
     flight = flights[4]
     end = flight.span.end_s

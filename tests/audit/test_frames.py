@@ -122,7 +122,8 @@ def test_one_negated_column_is_no_frame(flown, column, kind):
     assert [(f[0], f[1]) for f in found] == [(kind, "imu")]
 
 
-@pytest.mark.parametrize("name", ["fast figure_eight", "star", "helix"])
+@pytest.mark.parametrize("name", ["fast figure_eight", *(pytest.param(name, marks=pytest.mark.slow)
+                                                         for name in ("star", "helix"))])
 @pytest.mark.parametrize("others", [False, True], ids=["poses alone", "with the vehicle's streams"])
 @pytest.mark.parametrize(("world", "body", "words"), [
     (NED, NED, r"(NE|ES)D/FRD"), (NORTH_EAST, NED, "NED/FRD"), (NED, np.eye(3), r"(NE|ES)D/FLU"),

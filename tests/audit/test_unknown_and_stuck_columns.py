@@ -15,6 +15,7 @@ def with_voltage(flight, values):
 
 
 @pytest.mark.parametrize("shape", ["counter", "constant", "steps", "empty"])
+@pytest.mark.slow
 def test_an_extra_column_never_cuts(flights, audits, shape):
     flight, before = flights[4], audits[4]
     t = flight["imu"].time_s

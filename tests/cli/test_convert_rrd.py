@@ -228,6 +228,7 @@ def test_rows_between_packets_are_not_drawn(flight, tmp_path):
     ("mocap", {"/world/mocap", "/world/paths/mocap"}), ("imu", {"/imu/gyro", "/imu/accelerometer"}),
     ("estimator", {"/world/onboard_estimate"}), ("motor", {"/bars/command", "/motor_command"}),
     ("setpoint", {"/world/paths/set_point"})])
+@pytest.mark.slow
 def test_what_is_missing_is_not_there_and_the_rest_is(flight, tmp_path, missing, gone):
     read = written(flight.without_streams(missing), tmp_path)
     everything = {"/world/mocap", "/world/paths/mocap", "/imu/gyro", "/imu/accelerometer", "/world/onboard_estimate",

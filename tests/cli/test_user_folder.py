@@ -160,6 +160,7 @@ def test_a_script_with_controllers_of_its_own_is_told_in_one_line(folder):
     assert str(folder / "controllers" / "__init__.py") in done.stdout
 
 
+@pytest.mark.slow
 def test_a_folder_that_only_has_the_name_is_no_package(tmp_path):
     (tmp_path / "controllers").mkdir()
     (tmp_path / "controllers" / "notes.txt").write_text("none")

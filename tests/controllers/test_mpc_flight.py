@@ -57,6 +57,7 @@ def test_a_vehicle_unlike_the_model_is_flown_without_offset():
 
 
 @pytest.mark.parametrize("name", ["mpc_daqp", "nmpc"])
+@pytest.mark.slow
 def test_a_reference_that_jumps_is_flown_to(name):
     controller = fresh(name)
     world = World(resting()[1])

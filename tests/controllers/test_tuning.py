@@ -23,6 +23,7 @@ TUNED = ("geometric", "lqr", "lead_pid", "mellinger_full", "mpc_daqp", "mpc_osqp
 
 
 @pytest.mark.parametrize("name", TUNED)
+@pytest.mark.slow
 def test_gains_as_they_are_make_the_same_controller(name):
     plain = made(name, MODEL)
     same = made(name, MODEL, gains={key: gain.value for key, gain in plain.tunable.items()})

@@ -139,6 +139,7 @@ def test_the_accelerometers_bias_may_jump_at_lift_off():
     assert np.ptp(np.delete(problem.acc_walk, at)) == 0.0
 
 
+@pytest.mark.slow
 def test_the_drift_of_the_vertical_bias_is_found_for_each_flight():
     """0.8 mm/s^2 each second beyond what all flights share, poses until 40 s: found to a third, although the prior says
     0 +- 0.5, and the height 12 s later is off by less than half as much as where it is the same in every flight."""

@@ -71,6 +71,7 @@ def test_a_worker_killed_in_the_middle_costs_no_item(cluster, tmp_path):
 
 @pytest.mark.parametrize("address", [
     "tcp://127.0.0.1:9", "127.0.0.1", "tcp://no.such.host.invalid:8786", "nonsense://x", "tcp://"])
+@pytest.mark.slow
 def test_a_bad_address_is_one_line(address):
     with pytest.raises(UsageError) as caught:
         run_items(scores(1), scheduler=address)

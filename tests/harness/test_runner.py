@@ -171,6 +171,7 @@ def test_workers_end_when_only_the_first_process_is_killed(tmp_path):
 
 
 @pytest.mark.parametrize("jobs", ["1", pytest.param("2", marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_ctrl_c_ends_the_run_and_keeps_what_was_done(tmp_path, jobs):
     with held(tmp_path, jobs) as (process, _):
         os.killpg(process.pid, signal.SIGINT)

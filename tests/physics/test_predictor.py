@@ -81,6 +81,7 @@ def test_windows_bring_half_a_second_of_inputs(flight):
     np.testing.assert_array_equal(windows.motor_past[second], np.repeat(windows.motor[second, :1], PAST, axis=0))
 
 
+@pytest.mark.slow
 def test_a_model_of_the_vehicle_predicts_it(flight):
     """A practice flight with its own parameters: better than the same model without its rotor lag, and than none."""
     vehicles = draw_vehicles([np.random.default_rng(0)], spread=0.0)
@@ -100,6 +101,7 @@ def test_a_model_of_the_vehicle_predicts_it(flight):
     assert fitted.parameters["yaw_torque.k_m"].unit == "m"
 
 
+@pytest.mark.slow
 def test_predicts_from_a_file_and_without_casadi(flight, tmp_path, monkeypatch):
     windows, _ = cut_windows(flight, SPANS, "onboard")
     model = models()["all"]

@@ -105,6 +105,7 @@ def test_unknown_names_are_answered_with_the_known_ones(call, says):
         path_spec(**call)
 
 
+@pytest.mark.slow
 def test_the_timeline_is_the_published_one():
     specs = [path_spec("circle", "slow", duration_s=15.0), path_spec("helix", "fast")]
     events = [draw_events(s, np.random.default_rng(i)) for i, s in enumerate(specs)]

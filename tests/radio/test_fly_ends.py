@@ -173,6 +173,7 @@ def test_a_program_that_cannot_be_woken_is_ended_and_says_where_it_was(what, cod
     assert (done.returncode, words in done.stderr) == (code, True), done.stderr
 
 
+@pytest.mark.slow
 def test_asked_twice_it_is_told_to_land_and_nothing_is_waited_for():
     toy, notes = Toy(), Notes()
 
@@ -221,6 +222,7 @@ def test_who_is_told_of_set_points_may_raise():
     assert any("raised ValueError: no idea" in said for said in notes.said)
 
 
+@pytest.mark.slow
 def test_a_bug_of_this_program_is_raised_after_the_landing():
     toy = Toy()
 

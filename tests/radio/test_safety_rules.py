@@ -135,6 +135,7 @@ def test_a_vehicle_that_cannot_hold_its_height_lands_before_it_lies_on_the_groun
 @pytest.mark.parametrize(("rule", "pilot", "words"), [
     ("controller", raising, "RuntimeError: no idea"), slow_case("controller", no_number, "no number"),
     ("overrun", slow, "the controller took 150 ms"), slow_case("overrun", late, "10 deadlines missed in a row")])
+@pytest.mark.slow
 def test_a_fault_of_the_controller_ends_the_flight_on_the_ground(rule, pilot, words):
     toy = Toy()
     outcome, _ = flown(toy, pilot(toy))

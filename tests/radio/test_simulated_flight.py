@@ -70,6 +70,7 @@ def test_the_physics_are_the_plants(delay_s: float | None) -> None:
     assert abs(velocity[2]) > 0.05
 
 
+@pytest.mark.slow
 def test_legs_push_as_those_of_the_practice_vehicle() -> None:
     vehicle = served()
     world = vehicle._world

@@ -33,12 +33,14 @@ def test_wander_is_a_fault_with_its_course(recording):
 
 
 @pytest.mark.parametrize("offset_s", [0.0, 0.06])
+@pytest.mark.slow
 def test_a_constant_is_no_wander(recording, offset_s):
     verdict = audit(recording(offset_s=offset_s))
     assert not any(f.kind == "clock_wander" for f in verdict.faults)
     assert verdict.clock["imu"].warp == ()
 
 
+@pytest.mark.slow
 def test_a_line_is_a_drift_and_no_wander(recording):
     flight = recording()
     slow = {n: s if n == "mocap" else s.__class__(**{**s.__dict__, "time_s": s.time_s * 1.002})

@@ -60,6 +60,7 @@ def test_a_dead_stream_is_followed_until_it_died(wandering):
     assert np.sqrt(np.mean((error - np.median(error)) ** 2)) < 0.006
 
 
+@pytest.mark.slow
 def test_a_gap_of_a_second_widens_the_interval_and_bends_nothing(wandering):
     flight, clock = wandering
     cut = on_firmware(flight, lambda s: s.rows((s.time_s < 11.0) | (s.time_s > 12.0)))
@@ -89,6 +90,7 @@ def test_a_vehicle_that_never_moves_has_no_clock(wandering):
         retimed(ground)
 
 
+@pytest.mark.slow
 def test_slow_rows_say_that_they_know_less(wandering):
     flight, _ = wandering
     time_offset = believed(Context(flight))

@@ -67,6 +67,7 @@ def constant(offset_s):
     return TimeOffset(np.zeros(0), np.zeros(0), np.zeros(0), offset_s, 0.0, False, {}, "test")
 
 
+@pytest.mark.slow
 def test_retiming_keeps_samples_and_their_order(flown):
     flight, _ = recording(flown, 0, wander_sd_s=0.03)
     time_offset = believed(Context(flight))

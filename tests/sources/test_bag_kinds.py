@@ -35,6 +35,7 @@ def test_a_flight_without_a_fault_has_none(tmp_path):
 
 
 @pytest.mark.parametrize("in_the_world", [False, True])
+@pytest.mark.slow
 def test_the_velocity_of_an_odometry_is_what_the_path_moves_by(tmp_path, in_the_world):
     """It belongs in the body, and many write it in the world."""
     m = motion()

@@ -140,6 +140,7 @@ def changed(draw):
 
 @given(changed(), st.randoms(use_true_random=False))
 @hypothesis_settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@pytest.mark.slow
 def test_dropping_renaming_moving_reads_right_or_is_refused(tmp_path, columns, random):
     random.shuffle(columns)
     names = [new for new, _ in columns]

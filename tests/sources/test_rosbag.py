@@ -176,6 +176,7 @@ def test_cut_bags_keep_what_is_whole(tmp_path, kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.slow
 def test_broken_bags_end_in_a_flight_or_one_line(tmp_path, kind):
     data = write(tmp_path, kind, {"/imu", "/odom"}, n=5).read_bytes()
     rng = np.random.default_rng(3)

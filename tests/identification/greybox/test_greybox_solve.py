@@ -78,6 +78,7 @@ def test_without_noise_the_parameters_come_back():
     assert moved.max() < 2e-2, dict(zip(model.names, moved, strict=True))
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_and_nuisances_stay_out_of_the_shared_parameters():
     model = true_model()
     rng = np.random.default_rng(5)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from carried_tracks import MODEL, C, track_of
 
 from identification.mismatch import fitting
@@ -55,6 +56,7 @@ def test_even_rotors_and_no_drag_have_none():
     assert np.abs(Wrench([leaning(3)]).drag_at_rotors(MODEL.without("drag_linear"))[1]).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_a_vehicle_whose_drag_acts_there_leaves_nothing(monkeypatch):
     wrench = Wrench([leaning(30 + k, k) for k in range(2)])
     change = wrench.drag_at_rotors(MODEL)

@@ -82,17 +82,20 @@ def test_a_load_on_a_string_is_named_with_its_frequency_direction_and_length(usu
 
 
 @pytest.mark.parametrize("toward_deg", [-50.0, 80.0])
+@pytest.mark.slow
 def test_the_direction_has_its_sign(usual, toward_deg):
     found = judged([hung(f"d{k}", 20 + k, toward_deg, asked=KNOT) for k in range(2)], usual)["swing"]["found"]
     assert found["direction_deg"] == pytest.approx(toward_deg, abs=8.0)
 
 
+@pytest.mark.slow
 def test_without_a_load_no_swing_is_found(usual):
     verdict = judged([hung(f"s{k}", 30 + k, load_kg=0.0) for k in range(3)], usual)
     assert verdict["swing"]["found"] is None
     assert verdict["outcome"] == "none"
 
 
+@pytest.mark.slow
 def test_a_swing_without_a_weight_is_unknown_and_periodic(usual):
     verdict = judged([hung(f"u{k}", 40 + k) for k in range(3)], usual)
     assert verdict["outcome"] == "unknown"

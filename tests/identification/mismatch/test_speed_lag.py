@@ -39,6 +39,7 @@ def integrated(track) -> np.ndarray:
     return gap[::50]
 
 
+@pytest.mark.slow
 def test_it_is_what_finer_steps_give():
     track = shaken(3)
     wrench = Wrench([track])

@@ -43,6 +43,7 @@ def test_two_files_give_no_interval():
 
 @pytest.mark.parametrize("law", [dc_law, lambda u, v: 0.012 * (u * v) ** 2, lambda u, v: 0.03 * u**1.6 * v**1.1,
                                  lambda u, v: 0.0045 * (0.6 + u * (v + 1.6)) ** 2])
+@pytest.mark.slow
 def test_whatever_the_law_the_choice_holds_on_a_new_file(law):
     """Held-out error within 40 % of the noise, below a map without voltage and both firmware curves."""
     files = [made(law, seed=s, noise_N=5e-4, name=f"s{s}") for s in range(3)]

@@ -38,6 +38,7 @@ def test_a_vehicle_of_another_size_hovers_and_its_priors_hold_the_truth(mass_kg,
     assert any("scaled from" in note for note in found.notes) == (mass_kg > 0.05)
 
 
+@pytest.mark.slow
 def test_an_unsure_lag_leaves_the_inertia_to_its_prior(monkeypatch):
     """Of a vehicle of another size the lag may be off by half, and the inertia from its flights with it."""
     from identification.vehicle import vehicle_fit
