@@ -143,6 +143,7 @@ def test_advice_speaks_python(text, python):
     assert in_python(text) == python
 
 
+@pytest.mark.slow
 def test_an_error_names_the_argument_of_python(flights):
     with pytest.raises(UsageError, match='clock="joint" cannot judge') as told:
         nb.estimate(flights, "onboard_ekf", "clean", clock="joint")

@@ -93,6 +93,7 @@ def test_offsets_put_into_practice_flights_come_back(flights):
     assert inside >= 0.8 * n  # 95 % in benchmarks/studies/audit_power.py, where there are more
 
 
+@pytest.mark.slow
 def test_the_whole_link_is_late_or_one_stream_is(flights):
     flight = next(f for f in flights if f.metadata["family"] == "star")
     rng = np.random.default_rng(6)

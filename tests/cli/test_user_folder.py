@@ -70,6 +70,7 @@ def nanobench(*words, cwd, path=(ROOT,), module=True):
 
 
 @pytest.mark.parametrize("name", ["controllers.pid:Pid", "fly_mine:Mine"])
+@pytest.mark.slow
 def test_a_users_controllers_are_loaded_with_all_they_import(folder, name):
     (folder / "fly_mine.py").write_text("from controllers.pid import Pid\nclass Mine(Pid):\n    pass\n")
     for options in (["-P", "-c"], ["-c"]):  # without and with the folder first on the path

@@ -46,6 +46,7 @@ def flown(model, folder, motor, start=START):
 
 
 @pytest.mark.parametrize("kind", ["rpm", "pwm"])
+@pytest.mark.slow
 def test_the_same_commands_give_the_same_flight(kind, tmp_path):
     rng = np.random.default_rng(1)
     motor = rng.uniform(1500.0, 2200.0, (ROWS, 4)) if kind == "rpm" else rng.uniform(0.5, 0.8, (ROWS, 4))

@@ -122,6 +122,7 @@ def test_control(call, folder):
     assert {row["controller"] for row in result["rows"]} == {"pid"}
 
 
+@pytest.mark.slow
 def test_control_says_why_a_recording_is_left_out(call, crowd, folder, tmp_path, monkeypatch):
     flight = crowd.flight("mellinger oval")
     write_nanobench(flight, tmp_path / "mellinger" / f"{flight.name}.csv")

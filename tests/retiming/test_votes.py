@@ -62,6 +62,7 @@ def flight(crowd):
     return nulls.living(crowd.log("fast figure_eight", wander_sd_s=0.02)[0])
 
 
+@pytest.mark.slow
 def test_a_retimed_flight_carries_its_voters(flight):
     assert evidence_of([flight]) == []
     for clock in ("offset", "retimed", "joint"):

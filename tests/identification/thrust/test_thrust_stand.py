@@ -89,6 +89,7 @@ def write(tmp_path, content, name="stand.csv"):
     return path
 
 
+@pytest.mark.slow
 def test_model_from_a_file(tmp_path):
     u, voltage = drive()
     path = write(tmp_path, text(u, voltage, dc_law(u, voltage)))
