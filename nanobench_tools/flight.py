@@ -382,7 +382,10 @@ def make_stream(name: str, time_s: ArrayLike, values: ArrayLike, quantities: Seq
 def _span_of(key: slice) -> Span:
     if key.step is not None:
         raise TypeError("a flight is cut by time, flight[2.0:6.0], without a step")
-    return Span(-np.inf if key.start is None else float(key.start), np.inf if key.stop is None else float(key.stop))
+    span = Span(-np.inf if key.start is None else float(key.start), np.inf if key.stop is None else float(key.stop))
+    if span.end_s < span.start_s:
+        raise ValueError(f"flight[{span.start_s:g}:{span.end_s:g}] ends before it starts; give the earlier time first")
+    return span
 
 
 def _rate_hz(time_s: np.ndarray) -> float:

@@ -110,6 +110,8 @@ def test_a_flight_is_cut_by_time_and_gives_its_streams(flights):
     assert flight[:].duration_s == flight.duration_s
     with pytest.raises(TypeError, match="without a step"):
         flight[::2]
+    with pytest.raises(ValueError, match="ends before it starts"):
+        flight[6.0:2.0]
 
 
 def written(figure):
