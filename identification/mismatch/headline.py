@@ -16,6 +16,8 @@ RULES = {
     "hover": f"position error after 0.5 s below {100 * HOVER_M:.1f} cm (an acceleration error of 1 m/s^2)",
     "mpc": f"position error after 0.5 s below {100 * MPC_M:.2g} cm (an acceleration error of 0.5 m/s^2)",
     "learning": f"every error after 0.1 and 0.5 s at most {LEARNING:g} times that of the best model of these flights"}
+LISTED = 3
+"""Terms of a class that a headline lists."""
 USES = {"hover": "hover and position control", "mpc": "model-predictive control", "learning": "simulation for learning"}
 
 
@@ -53,7 +55,7 @@ def headline(body: Mapping[str, Any]) -> str:
     before, after = ((half.get(k) or {}).get("position_m") for k in ("before", "after"))
     flights = len(improvement.get("held_out") or [])
     where = f" on {flights} flight{'s' * (flights != 1)} left out" if flights else ""
-    names = ", ".join(f"{f['term']} ({f['confidence']:.0%})" for f in body.get("findings") or [])
+    names = ", ".join(f"{_one_of(f)} ({f['confidence']:.0%})" for f in body.get("findings") or [])
     beside = " and something no term describes" if body.get("unknown") else ""
     error = "" if before is None else f"; position error after 0.5 s {before:.3f} m{where}"
     if names:
@@ -64,6 +66,13 @@ def headline(body: Mapping[str, Any]) -> str:
             "unknown": f"The simulator leaves out something that no term describes{error}.",
             "data_fault": "The data are at fault; nothing is said about physics.",
             }.get(body["outcome"], "Nothing can be said about physics.")
+
+
+def _one_of(finding: Mapping[str, Any]) -> str:
+    """The term, and those that these flights cannot distinguish from it."""
+    members = [finding["term"], *(finding.get("equivalent") or [])]
+    rest = len(members) - LISTED
+    return " or ".join([*members[:LISTED], *([f"{rest} other{'s' * (rest > 1)}"] if rest > 0 else [])])
 
 
 def uses(good: Mapping[str, Good]) -> str:

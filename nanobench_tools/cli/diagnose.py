@@ -241,7 +241,8 @@ def verdict_screen(options: Options, body: Mapping[str, Any]) -> list[Grid | str
     return [f"{word} data, {body['outcome'].upper().replace('_', ' ')}. "
             + (uses(body["good_for"]) if body.get("good_for") else ""),
             Grid.plain("What the simulator leaves out", ("term", "simulator", "flights", "95 %", "unit", "sure"), rows),
-            Grid.plain(f"Prediction of {len(found.get('held_out') or [])} flights left out",
+            Grid.plain(f"Prediction of {len(left)} flights left out" if (left := found.get("held_out")) else
+                       "Prediction of the same flights, none left out",
                        ("after", "position m", "velocity m/s", "attitude rad", "rate rad/s"), steps),
             "" if rows else shortened(body["paragraph"])]
 

@@ -36,6 +36,8 @@ def test_headlines():
             "improvement": improvement(0.763)}
     assert headline(body) == ("The simulator is wrong about drag_linear (97%); position error after 0.5 s "
                               "0.763 -> 0.050 m on 2 flights left out.")
+    alike = [{"term": "mass", "equivalent": ["thrust_scale", "wind", "force_world", "frame_tilt"], "confidence": 1.0}]
+    assert "wrong about mass or thrust_scale or wind or 2 others (100%);" in headline({**body, "findings": alike})
     assert "something no term describes" in headline({**body, "unknown": {}} | {"unknown": {"hint": "x"}})
     quiet = {"outcome": "none", "findings": [], "unknown": None, "improvement": improvement(0.05, held_out=())}
     assert headline(quiet).endswith("position error after 0.5 s 0.050 m.")
