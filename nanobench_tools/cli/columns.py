@@ -26,7 +26,8 @@ TO_CHECK = r"\?|check it|if it is"
 
 @click.command()
 @click.argument("file", type=PATH, metavar="FILE")
-@shared_options("data", "jobs", "scheduler", "seed", "clock", "columns")
+@shared_options("data", "out", "jobs", "scheduler", "seed", "clock", "columns")
+@click.option("--out", type=PATH, metavar="MAP.toml", help="File for the column map; it is not overwritten.")
 def columns(options: Options, file: Path) -> int:
     """Draft a column map for a table, CSV or Parquet: which column is what, in which unit.
 

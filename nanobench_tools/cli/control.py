@@ -39,7 +39,7 @@ DEFAULT_PLANTS = ("real", "gate")
               help="Real: onboard_pid, onboard_mellinger or the name of one of your own that flew. Simulated: a "
                    "registered name or module:Class. May repeat. Default: all.")
 @click.option("--simulator", type=PATH, metavar="FILE", help="simulator.toml of the plant. Default: the recorded "
-              "vehicle as identified from the training flights of Task 1, which the gate then leaves out.")
+              "vehicle, as identified from the training flights of Task 1, which the gate then leaves out.")
 @click.option("--train", multiple=True, type=PATH, metavar="PATH",
               help="Identify the plant from these recordings; may repeat.")
 @click.option("--trajectory", "trajectories", multiple=True, metavar="NAME",

@@ -28,7 +28,7 @@ from .shared_options import PATH, FiniteRange, shared_options
               help="as-published, as-published-corrected, clean, aided, blackout or whole-flight; may repeat. Default: "
                    "the first three.")
 @click.option("--method", "methods", multiple=True, metavar="NAME|module:Class",
-              help="Estimator to score in addition to the default ones of the protocol; may repeat.")
+              help="Estimator to score as well; may repeat.")
 @click.option("--only", is_flag=True, help="Score the estimators of --method alone.")
 @click.option("--trajectory-dir", "folders", multiple=True, type=PATH, metavar="DIR",
               help="Score DIR/<flight>.tum at their own timestamps; the method is the folder's name.")

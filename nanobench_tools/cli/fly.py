@@ -33,14 +33,14 @@ INTERRUPTED = 130
 @shared_options("data", "columns", "jobs", "scheduler", "clock", "seed")
 @click.option("--controller", required=True, metavar="NAME", help=CONTROLLERS_HELP)
 @click.option("--trajectory", default="figure_eight", show_default=True, metavar="NAME",
-              help="Family of paths: circle, figure_eight, helix, oval, star, trefoil, lissajous, ...")
+              help="Family of paths, see --list.")
 @click.option("--speed", type=FiniteRange(min=0.05, max=5.0), metavar="M_S", help="Along the path. Default: the "
               "family's slow one.")
 @click.option("--size", type=FiniteRange(min=0.05, max=20.0), metavar="M", help="Radius or half width.")
 @click.option("--seconds", type=FiniteRange(min=4.0, max=600.0), metavar="S", help="Length of the path.")
 @click.option("--uri", metavar="URI", help="Of the vehicle: radio://0/80/2M/E7E7E7E7E7, udp://127.0.0.1:19850, ...")
-@click.option("--mocap", metavar="SOURCE", help="simulated, TYPE://HOST/BODY of the package motioncapture (vicon, "
-              "optitrack, qualisys, vrpn, ...), or module:callable.")
+@click.option("--mocap", metavar="SOURCE", help="simulated, TYPE://HOST/BODY of the package motioncapture, or "
+              "module:callable. TYPE is vicon, optitrack, qualisys, vrpn, ...")
 @click.option("--record", "record_to", type=PATH, metavar="DIR", help="Record the flight into this folder.")
 @click.option("--blocks", type=PATH, metavar="FILE", help="Log blocks (YAML) of the recording.")
 @click.option("--setpoints", type=click.Choice(KINDS), help="Kind of set-points to send. Default: position for the "

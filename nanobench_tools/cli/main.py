@@ -75,6 +75,11 @@ class Verbs(click.Group):
             return None
         command: click.Command = getattr(importlib.import_module(f"nanobench_tools.cli.{cmd_name}"), cmd_name)
         command.epilog = command.epilog or f"Example: {VERBS[cmd_name][1]}"
+        if command.add_help_option:
+            from .help_pages import help_option
+
+            command.add_help_option = False
+            command.params.append(help_option(cmd_name, VERBS[cmd_name][1]))
         if cmd_name in LISTED and not any(parameter.name == "list" for parameter in command.params):
             from .listing import list_option
 

@@ -30,9 +30,9 @@ PRACTICE_SEEDS, PRACTICE_FLIGHTS = 2, 24
 @click.command()
 @shared_options("clock")
 @click.option("--clock", "clock_name", type=click.Choice(CLOCKS[:-1]),
-              help="Clean rows of all tasks on this clock. Default: as recorded, and Task 1, dead reckoning and the "
-                   "logged estimates re-timed too, every row with its clock. The published protocols are always as "
-                   "recorded.")
+              help="Clock of the clean rows of all tasks: as-recorded, offset or retimed. Default: as recorded, and "
+                   "Task 1, dead reckoning and the logged estimates re-timed too, every row with its clock. The "
+                   "published protocols are always as recorded.")
 @click.option("--practice", is_flag=True, help="Simulate practice flights (SYNTHETIC) even if there are recordings.")
 def run(options: Options, clock_name: str | None, practice: bool) -> int:
     """The main job: audit, the three tasks, tables as CSV and LaTeX, and report.html in --out DIR (./results).

@@ -32,7 +32,7 @@ OPTIONS: dict[str, Callable[..., Any]] = {
                          help="Folder (read recursively) or file, the same as PATH; may repeat. Default: "
                               "$NANOBENCH_DATA, ./data, ../shared/data/nanobench."),
     "out": click.option("--out", type=PATH, metavar="DIR",
-                        help="Folder for results; a killed run that is started again goes on from what is there."),
+                        help="Folder for results. A killed run that is started again continues from there."),
     "json": click.option("--json", type=click.Path(path_type=Path, allow_dash=True), metavar="FILE",
                          help="Write the result as JSON; - prints it."),
     "jobs": click.option("--jobs", type=click.IntRange(min=1), default=cores, show_default="all cores", metavar="N",
@@ -43,10 +43,10 @@ OPTIONS: dict[str, Callable[..., Any]] = {
                          help="Seed of everything random."),
     "clock": click.option("--clock", type=click.Choice(CLOCKS), default=AS_RECORDED,
                           show_default=True,
-                          help="Take a time error out of the vehicle's streams first: the constant one (offset), or "
-                               "the moving one. The moving one is estimated from streams that are not judged "
-                               "(retimed), or from the logged position too (joint). Uses the motion capture of the "
-                               "whole flight; rows say which streams voted."),
+                          help="Correct the timestamps of the vehicle first: offset (constant), retimed or joint "
+                               "(moving). The moving correction is estimated from streams that are not judged; joint "
+                               "also uses the logged position. All use the motion capture of the whole flight; rows "
+                               "show which streams were used."),
     "columns": click.option("--columns", type=PATH, metavar="FILE", help="Column map (TOML) for a table of your own."),
     "verbose": click.option("--verbose/--no-verbose", default=False,
                             help="Everything that was found, beyond one screen."),

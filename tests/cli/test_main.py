@@ -2,15 +2,18 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
 
+import click
 import pytest
 
-from nanobench_tools.cli.main import FIRST, VERBS
+from nanobench_tools.cli.help_pages import COMMON
+from nanobench_tools.cli.main import FIRST, VERBS, cli
 from nanobench_tools.version import __version__
 
 COMMAND = str(Path(sys.executable).with_name("nanobench"))
@@ -32,11 +35,26 @@ def test_help_names_every_verb_and_some_examples(nanobench):
 
 
 @pytest.mark.parametrize("verb", VERBS)
-def test_help_of_a_verb_has_an_example_and_explains_every_option(nanobench, verb):
+def test_help_of_a_verb_is_one_screen_and_the_whole_page_has_every_option(nanobench, monkeypatch, verb):
+    monkeypatch.setenv("COLUMNS", "80")
     code, out, err = nanobench(verb, "--help")
     assert (code, err) == (0, "")
+    assert len(out.splitlines()) <= 22
     assert "Example: nanobench" in out
-    assert f"Usage: nanobench {verb}" in out
+    assert out.startswith(f"Usage: nanobench {verb}")
+    assert nanobench(verb, "-h") == (0, out, "")
+    code, whole, err = nanobench(verb, "--help", "--verbose")
+    assert (code, err) == (0, "")
+    assert "Example: nanobench" in whole
+    command = cli.get_command(click.Context(cli), verb)
+    names = [parameter.opts[0] for parameter in command.params if isinstance(parameter, click.Option)]
+    assert {"--help", "--verbose"} & {name for p in command.params for name in p.opts} == {"--help", "--verbose"}
+    assert all(re.search(rf"^  .*{name}\b", whole, re.MULTILINE) for name in names)
+    if verb in COMMON:
+        assert all(f"  {name} " in out or f"  {name}\n" in out for name in COMMON[verb])
+        assert out.splitlines()[-1] == f"All {len(names)} options and the details: nanobench {verb} --help --verbose"
+    else:
+        assert out == whole
 
 
 def test_version(nanobench):
