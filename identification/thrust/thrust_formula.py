@@ -11,7 +11,7 @@ from nanobench_tools.results.result import Result
 
 from .maps import MONOMIALS, Map
 
-MEANING = "T: thrust of one motor [N]; u: PWM / 65535 [0..1]; V: battery voltage under load [V]"
+MEANING = "T: thrust of one motor [N]; u: command of a motor [0..1], PWM / 65535; V: battery voltage under load [V]"
 FULL_CELL_V, EMPTY_CELL_V = 4.2, 3.0
 """Voltage of a lithium cell after charging, and where it has to be spared."""
 MOST_CELL_V = 4.35
@@ -52,14 +52,19 @@ class ThrustFormula(Result):
     @property
     def sentence(self) -> str:
         """Thrust at hover and at full command, one line."""
+        return self.described()
+
+    def described(self, option: str = "") -> str:
+        """``sentence``. option: the one that gives a mass, where none was given and the usual one is assumed."""
+        assumed = f" (assumed: give {option})" if option else ""
         parts = []
         for level in self.levels:
             hover = "no hover" if level.hover_pwm is None else f"hover at u = {level.hover_pwm:.3f}"
             beyond = "" if level.measured else ", extrapolated"
             parts.append(f"{level.battery} battery ({level.voltage_V:.2f} V{beyond}): {hover}, "
                          f"{1e3 * level.full_N:.1f} mN at full command ({level.thrust_to_weight:.2f} x weight)")
-        return (f"Hover of {1e3 * self.mass_kg:g} g takes {1e3 * self.hover_N:.1f} mN per motor. " + "; ".join(parts)
-                + f". Rows have {self.voltage_V[0]:.2f} to {self.voltage_V[1]:.2f} V.")
+        return (f"Hover of {1e3 * self.mass_kg:g} g{assumed} takes {1e3 * self.hover_N:.1f} mN per motor. "
+                + "; ".join(parts) + f". Rows have {self.voltage_V[0]:.2f} to {self.voltage_V[1]:.2f} V.")
 
 
 def written(candidate: Map, values: Mapping[str, float], scale: float = 1.0) -> str:

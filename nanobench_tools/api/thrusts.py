@@ -24,8 +24,8 @@ class Thrust:
     """Thrust maps of recordings; ``result`` has everything that thrust.json holds. With thrust-stand tables and
     flights together, the map of the flights is used, because it is the one that flies."""
 
-    def __init__(self, result: ThrustResult, model: ThrustModel | None, sentence: str) -> None:
-        self.result, self._model, self._sentence = result, model, sentence
+    def __init__(self, result: ThrustResult, model: ThrustModel | None, sentence: str, assumed: str = "") -> None:
+        self.result, self._model, self._sentence, self._assumed = result, model, sentence, assumed
 
     @property
     def table(self) -> pd.DataFrame:
@@ -74,7 +74,7 @@ class Thrust:
     def sentence(self) -> str:
         """The map in use, how far off it is on files it was not fitted to, and what it gives at hover and full
         command."""
-        return self._sentence if self.best is None else f"{self._sentence}. {self._formula().sentence}"
+        return self._sentence if self.best is None else f"{self._sentence}. {self._formula().described(self._assumed)}"
 
     def thrust_N(self, command: ArrayLike, battery_V: ArrayLike) -> np.ndarray:
         """Thrust [N] of one motor at PWM ratios 0..1 and battery voltages under load [V], broadcast; in hover.
@@ -121,14 +121,15 @@ class Thrust:
         return self._model
 
 
-def thrust(recordings: Flight | Iterable[Flight], test: Flight | Iterable[Flight] = (), mass_kg: float = 0.04085,
-           seed: int = 0) -> Thrust:
+def thrust(recordings: Flight | Iterable[Flight], test: Flight | Iterable[Flight] = (),
+           mass_kg: float | None = None, seed: int = 0) -> Thrust:
     """Thrust from PWM and battery voltage: the map that predicts recordings it was not fitted to best.
 
     recordings: flights, or thrust-stand tables, as ``nb.load`` reads them; test: others to score on, instead of the
     usual split.
 
-    mass_kg: of the vehicle; free flight shows thrust over mass only. InputError where nothing can be fitted.
+    mass_kg: of the vehicle; free flight shows thrust over mass only. Without it 0.04085 is assumed.
+    InputError where nothing can be fitted.
 
     >>> import nanobench_tools as nb
     >>> found = nb.thrust(nb.simulate(3, seed=1, seconds=12.0))
@@ -140,12 +141,15 @@ def thrust(recordings: Flight | Iterable[Flight], test: Flight | Iterable[Flight
     from identification.thrust.flight_fit import models
     from identification.thrust.thrust_model import ThrustModel
 
+    from ..physics.vehicle import Vehicle
     from ..steps.thrusting import thrust_maps, thrust_sentence
 
+    assumed = "mass_kg" if mass_kg is None else ""
+    mass_kg = Vehicle().mass_kg if mass_kg is None else mass_kg
     models(mass_kg)  # report an invalid mass before anything is fitted
     train, held_out = some(recordings), list([test] if isinstance(test, Flight) else test)
     options = given([*train, *held_out], seed=seed)
     found, parts = thrust_maps(options, [*train, *held_out], (train, held_out) if held_out else None, mass_kg)
     part = next((p for p in parts if p.kind == "flight"), parts[0])
     model = None if part.result.best is None else ThrustModel(mass_kg=mass_kg, seed=seed).use(part.found)
-    return Thrust(found, model, thrust_sentence(found))
+    return Thrust(found, model, thrust_sentence(found), assumed)

@@ -57,11 +57,12 @@ def thrust(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
     found, kinds = thrust_maps(options, flights, parts, mass_kg)
     if options.out is not None:
         _write(options, options.out, found)
+    assumed = "--mass" if mass is None else ""
     why, command = ("see it", shown_page(options.out / "thrust.html")) if options.out is not None else (
         "as files", tuple(again("--out", "thrust")))
     close(options, thrust_sentence(found), why, *command,
-          screen=[p for part in kinds for p in maps_screen(options, part)],
-          detail=[p for part in kinds for p in maps_detail(options, part)])
+          screen=[p for part in kinds for p in maps_screen(options, part, assumed)],
+          detail=[p for part in kinds for p in maps_detail(options, part, assumed)])
     return options.finish("thrust", to_json(found))
 
 
@@ -90,8 +91,8 @@ def _given(part: Part) -> dict[str, str]:
     return {given: ", ".join(names) for given, names in found.items()}
 
 
-def maps_screen(options: Options, part: Part) -> list[Table | str]:
-    """Every map on rows held out, then the formula of the chosen one."""
+def maps_screen(options: Options, part: Part, assumed: str = "") -> list[Table | str]:
+    """Every map on rows held out, then the formula of the chosen one. assumed: see ``formula``."""
     unit = UNITS[part.kind][0]
     rows = sorted([row for row in part.rows if row.split == "test"] or part.rows,
                   key=lambda row: row.model != part.result.best)
@@ -102,7 +103,7 @@ def maps_screen(options: Options, part: Part) -> list[Table | str]:
         + ("held out" if rows[0].split == "test" else "fitted to"), heads,
         [tuple(cell for cell, head in zip(_cells(row, part), ("map", heads[1], "95 %", "files", width, "status"),
                                           strict=True) if head) for row in rows], short_note(rows))
-    return [table, formula(part)]
+    return [table, formula(part, assumed)]
 
 
 def _cells(row: ErrorRow, part: Part) -> tuple[str, ...]:
@@ -112,8 +113,9 @@ def _cells(row: ErrorRow, part: Part) -> tuple[str, ...]:
             "-" if row.coverage95 is None else f"{100 * row.coverage95:.0f} %", row.status)
 
 
-def formula(part: Part) -> str:
-    """The chosen map with its numbers and units, and what it gives at hover and at full command."""
+def formula(part: Part, assumed: str = "") -> str:
+    """The chosen map with its numbers and units, and what it gives at hover and at full command. assumed: option of
+    the mass, where it was not given."""
     from identification.thrust.thrust_formula import MEANING
 
     result = part.result
@@ -123,7 +125,7 @@ def formula(part: Part) -> str:
     if result.chosen is None:
         return result.best
     found = result.chosen.formula
-    return f"{result.best}: {found.text}. {MEANING}. {found.sentence}"
+    return f"{result.best}: {found.text}. {MEANING}. {found.described(assumed)}"
 
 
 def coefficients(part: Part) -> list[str]:
@@ -132,7 +134,7 @@ def coefficients(part: Part) -> list[str]:
             for name, p in part.result.parameters.get(part.result.best or "", {}).items()]
 
 
-def maps_detail(options: Options, part: Part) -> list[Table | str]:
+def maps_detail(options: Options, part: Part, assumed: str = "") -> list[Table | str]:
     """Every map on training and held-out rows, of flights as recorded, too; the chosen map, and the firmware's for
     comparison."""
     from identification.thrust.thrust_result import FlightResult
@@ -150,7 +152,7 @@ def maps_detail(options: Options, part: Part) -> list[Table | str]:
         rows.append((name, row.clock, row.split, *numbers, str(row.n), files, inside, status))
     table = Table.plain(f"Thrust from {part.kind}s: {data_word(options)} data, RMS error of {what}, "
                         f"{part.result.split}", heads, rows, interval_note(part.rows))
-    return [table, formula(part), *coefficients(part), *_of_chosen(part), *_against_firmware(part.result)]
+    return [table, formula(part, assumed), *coefficients(part), *_of_chosen(part), *_against_firmware(part.result)]
 
 
 def _of_chosen(part: Part) -> list[str]:

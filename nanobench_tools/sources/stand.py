@@ -45,6 +45,15 @@ LARGEST_COMMAND = {"pulse_us": PULSES, "%": (5.0, 105.0), "1": (0.05, 1.05)}
 """Unit of a command -> what the largest one of a series may be: less turns no motor, more than full there is not."""
 THRUST_PER_WATT = (0.002, 0.6)
 """N per W of electrical power, between a brushed toy at full command and a large slow propeller (some 0.02 and 0.2)."""
+PROPELLERS = (5e-4, 20.0)
+"""T^5 n^2 / (rho P^4) of one propeller: thrust in N, speed in 1/s, electrical power in W. Propellers of all sizes have
+C_T^5 / C_P^4, which is f^4 / (0.41 C_T), with C_T from 0.04 to 0.25 and f, the figure of merit times the efficiency of
+motor and controller, from 0.1 to 0.75. A brushed Crazyflie has 0.017, a 10 inch propeller some 0.5."""
+POLE_PAIRS = (3, 21)
+"""Of brushless motors that turn propellers: the electrical speed is so many times the speed."""
+AIR_KG_M3 = 1.2
+STRONG = 0.5
+"""Share of the largest thrust from which a row is used to compare thrust with power."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +132,7 @@ class ThrustStand:
         if "motor" not in streams:
             raise InputError(str(path), "no column of PWM holds a number", "a thrust stand table has one")
         streams |= _extra(grid, taken, row)
+        _check_propeller(streams, str(path))
         span = (0.0, float(row[-1]))
         where = {c: s for s, stream in streams.items() for c in stream.columns}
         faults = cell_faults(grid, row, np.arange(n), where)
@@ -221,6 +231,42 @@ def _check_power(streams: dict[str, Stream], place: str) -> None:
         raise InputError(f"{place}: columns {', '.join(columns)}",
                          f"{per_watt:.3g} N per W of electrical power; propellers give {low:g} to {high:g}",
                          "one of them is in another unit: write it behind the name, as in thrust (gf)")
+
+
+def _check_propeller(streams: dict[str, Stream], place: str) -> None:
+    """InputError where no propeller of any size has the thrust at its power and speed: a unit is another one."""
+    cell, battery = streams.get("stand"), streams.get("battery")
+    speed, column, (fewest, most) = _speed(streams)
+    if (speed is None or cell is None or battery is None or not {"thrust", "current"} <= set(cell.quantities)
+            or "vbat" not in battery):
+        return
+    motors = len(streams["motor"].quantities)
+    thrust, power = cell["thrust"] / motors, cell["current"] * battery["vbat"] / motors
+    rows = np.isfinite(thrust * power * speed) & (power > 0.0) & (speed > 0.0) & (
+        thrust > STRONG * np.nanmax(thrust, initial=0.0))
+    if not rows.any():
+        return
+    scale = AIR_KG_M3 * power[rows] ** 4 / speed[rows] ** 2
+    low, high = PROPELLERS[0] * fewest ** 2, PROPELLERS[1] * most ** 2
+    if not low <= float(np.median(thrust[rows] ** 5 / scale)) <= high:
+        columns = [*(cell.columns[cell.quantities.index(q)] for q in ("thrust", "current")), *battery.columns, column]
+        ends = (float(np.median((bound * scale) ** 0.2)) for bound in (low, high))
+        raise InputError(f"{place}: columns {', '.join(columns)}",
+                         f"{np.median(thrust[rows]):.3g} N per motor where propellers with this power and speed give "
+                         f"{' to '.join(f'{end:.2g}' for end in ends)} N",
+                         "one of them is in another unit: write it behind the name, as in thrust (gf)")
+
+
+def _speed(streams: dict[str, Stream]) -> tuple[np.ndarray | None, str, tuple[int, int]]:
+    """Rotor speed [1/s], its first column, and how many times too high it is (an electrical speed)."""
+    if "rpm" in streams:
+        return streams["rpm"].values.mean(axis=1) / (2.0 * np.pi), streams["rpm"].columns[0], (1, 1)
+    extra = streams.get("extra")
+    for i, column in enumerate(() if extra is None else extra.columns):
+        match = _HEADER.fullmatch(column)
+        if match and match[1].lower().endswith("electrical speed") and (match[2] or "").strip().lower() == "rpm":
+            return extra.values[:, i] / 60.0, column, POLE_PAIRS
+    return None, "", (1, 1)
 
 
 def _share(values: np.ndarray, column: str, place: str) -> str:

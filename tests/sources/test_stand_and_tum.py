@@ -17,6 +17,26 @@ def test_a_thrust_without_a_unit_is_asked_about(tmp_path):
     assert "column thrust: a thrust without a unit: g or N?" in failure["error"]
 
 
+@pytest.mark.parametrize("speed", ["Motor Electrical Speed (RPM)", "Motor Optical Speed (RPM)"])
+@pytest.mark.parametrize("factor", [0.102, 0.0022, 1.0, 9.81])
+def test_thrust_that_no_propeller_has_at_its_power_and_speed_is_refused(tmp_path, speed, factor):
+    """A propeller of 0.25 m at 0.6 of the efficiency of an ideal one, on motors with seven pole pairs."""
+    n = np.linspace(40.0, 120.0, 30)
+    thrust = 0.1 * 1.2 * n**2 * 0.25**4
+    power = thrust**1.5 / np.sqrt(2.4 * np.pi * 0.125**2) / 0.6
+    rpm = 60.0 * n * (7 if "Electrical" in speed else 1)
+    rows = [f"{1000 + 8 * v:.0f},{f / 9.80665 * factor:.5f},15.0,{p / 15:.4f},{r:.0f}"
+            for v, f, p, r in zip(n, thrust, power, rpm, strict=True)]
+    (tmp_path / "a.csv").write_text(f"ESC signal (us),Thrust (kgf),Voltage (V),Current (A),{speed}\n" + "\n".join(rows))
+    loaded = load(tmp_path)
+    if factor == 1.0:
+        np.testing.assert_allclose(loaded.flights[0]["stand"]["thrust"], thrust, rtol=1e-3)
+    elif factor < 1.0 or "Optical" in speed:
+        error = loaded.failed[0]["error"]
+        assert "Thrust (kgf), Current (A), Voltage (V)" in error
+        assert "N per W" in error or "N per motor where propellers with this power and speed give" in error
+
+
 def load(folder):
     return load_recordings([folder], cache=False)
 

@@ -53,3 +53,9 @@ def test_levels_at_a_full_and_an_empty_battery():
 def test_a_battery_of_several_cells_is_full_and_empty_as_a_whole():
     found = formula_of("T = ...", lambda u, volts: 0.05 * np.asarray(u) * volts, 1.0, 9.81, (14.0, 16.5))
     assert [level.voltage_V for level in found.levels] == pytest.approx([16.8, 12.0])
+
+
+def test_an_assumed_mass_is_marked():
+    found = formula_of("T = ...", lambda u, volts: 0.01 * (np.asarray(u) * volts) ** 2, 0.04, 9.81, (3.2, 4.25))
+    assert found.sentence.startswith("Hover of 40 g takes ")
+    assert found.described("--mass").startswith("Hover of 40 g (assumed: give --mass) takes ")
