@@ -17,6 +17,7 @@ from ..errors import InputError
 from ..sources.column_map import DATES, FORCE_UNITS, allowed_units
 from ..sources.column_names import (
     NUMBERED,
+    directed,
     guessed,
     is_wanted,
     known_names,
@@ -38,6 +39,7 @@ from .draft_table import Table, read_table
 from .draft_units import judge_units
 from .plausible_ranges import SLOWEST_STEP_S
 
+OURS = "ENU"
 COMMANDED_THRUST: Key = ("command", "thrust")
 
 
@@ -89,7 +91,8 @@ def _name(draft: Draft, table: Table, path: Path) -> None:
             if known.frame:
                 draft.frames[known.stream] = known.frame
     left = [c for c in names if c not in draft.unknown and c not in {d.column for d in draft.mapped.values()}]
-    found, why = guessed(left, taken=draft.mapped)
+    axes = directed(left)
+    found, why = guessed(left, taken=draft.mapped, called={column: name for column, (name, _) in axes.items()})
     draft.unknown.update(why)
     for key, column in found.items():
         allowed = ("1",) if re.fullmatch(r"q\d", key[1]) else allowed_units(
@@ -100,10 +103,22 @@ def _name(draft: Draft, table: Table, path: Path) -> None:
             draft.questions.append(f"{column}: {question}")
             draft.unknown[column] = question
             continue
+        if column in axes:
+            _in_axes(draft, key, axes[column][1])
         known_unit = unit in allowed
         draft.mapped[key] = Drafted(column, unit if known_unit else allowed[0],
                                     "known" if known_unit or len(allowed) == 1 else "assumed",
                                     "stated" if known_unit else "")
+
+
+def _in_axes(draft: Draft, key: Key, axes: str) -> None:
+    """Notes the axes that the names of a vector state."""
+    if not axes:
+        if key[1] == "gyro_x":
+            draft.notes.append("p, q, r: body rates; where y points right and z down, write frame = \"FRD\" in "
+                               "[streams.imu]")
+    elif axes != OURS:
+        draft.frames[key[0]] = axes
 
 
 def _which_vehicle(draft: Draft, table: Table) -> None:

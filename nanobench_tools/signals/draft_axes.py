@@ -20,6 +20,9 @@ SPAN_S = 0.5
 """A displacement over this time contains little noise of the positions."""
 TURN_S = 0.1
 """The same for turning rates."""
+DOWN = "NED"
+UPWARDS = 0.9
+"""Share of the mean specific force that points upwards, where attitude and accelerometer have the same body axes."""
 ANGLES = ("roll", "pitch", "yaw")
 
 
@@ -29,6 +32,7 @@ def judge_axes(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarra
     if len(time_s) < 4 * evidence.WINDOW or not np.isfinite(steps).all() or not np.median(steps) > 0.0:
         return
     step_s = float(np.median(steps))
+    _body_down(draft, values)
     _pitch(draft, values, step_s)
     rotation = rotation_of(draft, values)
     for position, velocity in (((("mocap", "px"), ("mocap", "py"), ("mocap", "pz")),
@@ -41,6 +45,22 @@ def judge_axes(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarra
         _rate(draft, values, rotation, step_s)
 
 
+def _body_down(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
+    """A body whose z points down in a world whose z does: gravity lies along -z of the accelerometer, and the attitude
+    turns it upwards."""
+    turn, force = [("mocap", q) for q in QUATERNION], [("imu", f"acc_{a}") for a in "xyz"]
+    if draft.frames.get("mocap") != DOWN or "imu" in draft.frames or not all(k in draft.mapped for k in turn + force):
+        return
+    q, f = draft.si(turn, values), draft.si(force, values)
+    rows = np.isfinite(q).all(axis=1) & np.isfinite(f).all(axis=1) & (np.linalg.norm(q, axis=1) > 0.5)
+    if not rows.any():
+        return
+    world = Rotation.from_quat(q[rows]).apply(f[rows]).mean(axis=0)
+    if np.median(f[rows, 2]) < 0.0 and world[2] < -UPWARDS * float(np.linalg.norm(world)):
+        draft.frames["mocap"], draft.frames["imu"] = f"{DOWN}/FRD", "FRD"
+        draft.notes.append("mocap: NED/FRD, and imu: FRD, since z of accelerometer and attitude point down")
+
+
 def rotation_of(draft: Draft, values: Mapping[str, np.ndarray]) -> Rotation | None:
     """Body to world, (n,); None without an attitude in every row."""
     for stream in ("mocap", "attitude_qw"):
@@ -51,9 +71,11 @@ def rotation_of(draft: Draft, values: Mapping[str, np.ndarray]) -> Rotation | No
     return None if angles is None else Rotation.from_euler("ZYX", angles[:, ::-1])
 
 
-def _vector(draft: Draft, values: Mapping[str, np.ndarray], keys: list[Key] | tuple[Key, ...]) -> np.ndarray | None:
-    """(n, k) in SI; None where a column is not drafted or a cell is missing."""
-    if not all(key in draft.mapped for key in keys) or any(key[0] in draft.frames for key in keys):
+def _vector(draft: Draft, values: Mapping[str, np.ndarray], keys: list[Key] | tuple[Key, ...],
+            turned: bool = False) -> np.ndarray | None:
+    """(n, k) in SI; None where a column is not drafted, a cell is missing, or the axes are not ours (unless
+    ``turned``)."""
+    if not all(key in draft.mapped for key in keys) or (not turned and any(key[0] in draft.frames for key in keys)):
         return None
     found = draft.si(keys, values)
     return found if np.isfinite(found).all() else None
@@ -73,7 +95,7 @@ def far_better(one: float, other: float) -> bool:
 
 def _velocity(draft: Draft, values: Mapping[str, np.ndarray], position: tuple[Key, ...], velocity: tuple[Key, ...],
               rotation: Rotation | None, step_s: float) -> None:
-    p, v = _vector(draft, values, position), _vector(draft, values, velocity)
+    p, v = _vector(draft, values, position, True), _vector(draft, values, velocity, True)
     rows = round(SPAN_S / step_s)
     if p is None or v is None or not 0 < rows < len(p) // 2:
         return
@@ -86,7 +108,7 @@ def _velocity(draft: Draft, values: Mapping[str, np.ndarray], position: tuple[Ke
         return explained(moved, path[rows:] - path[:-rows])
 
     world = of(v)
-    if rotation is not None and far_better(of(rotation.apply(v)), world):
+    if rotation is not None and position[0][0] not in draft.frames and far_better(of(rotation.apply(v)), world):
         for key in velocity:
             draft.unknown[draft.mapped.pop(key).column] = "a velocity in the body frame, which no task uses"
         draft.notes.append("the velocity is in body axes: turned by the attitude it is the rate of the position")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
+from types import MappingProxyType
 
 from .known import Ecosystem, Known, ecosystem, keys
 from .units_as_written import unit_as_written
@@ -32,6 +33,10 @@ _PLAIN = {"imu", "sensor", "body", "b", "filtered", "filt", "pose", "world", "gl
           "log", "data", "vehicle", "crazyflie", "quadrotor", "drone", "linear", "lin", "angular", "ang", "pm", "raw",
           "frame", "stamped", "header", "field", "volt", "volts", "v", "out", "output", "msg", "rigid",
           "level"}
+_DIRECTIONS = {"north": "N", "east": "E", "west": "W", "up": "U", "down": "D", **{a: a.upper() for a in "neud"}}
+_DIRECTED = re.compile(r"(p|pos|v|vel)([ned])")
+_AXES = ("NED", "ENU", "NWU")
+_BODY_RATES = ("p", "q", "r")
 NUMBERED = "0123"
 """Parts of a quaternion by number, with ``meaning`` for q0 .. q3. The scalar is the first in some logs and the last in
 others."""
@@ -205,15 +210,42 @@ def known_names(columns: Iterable[str], systems: Iterable[Ecosystem]) -> dict[st
     return found
 
 
-def guessed(columns: Iterable[str],
-            taken: Container[tuple[str, str]] = ()) -> tuple[dict[tuple[str, str], str], dict[str, str]]:
-    """{(stream, quantity): column} by words, and {column: why it was not guessed}; ``taken``: what others are."""
+def directed(columns: Iterable[str]) -> dict[str, tuple[str, str]]:
+    """Columns whose names are whole sets of directions, or the body rates p, q, r: (the name with x, y, z, axes).
+
+    >>> directed(["pos_north", "pos_east", "pos_down"])["pos_down"]
+    ('pos_z', 'NED')
+    """
+    columns = tuple(columns)
+    of_words = {column: words_of(column)[0] for column in columns}
+    groups: dict[tuple[str, ...], dict[str, str]] = {}
+    for column, words in of_words.items():
+        if words and (glued := _DIRECTED.fullmatch(words[-1])):
+            words = [*words[:-1], glued[1], glued[2]]
+        if words and words[-1] in _DIRECTIONS:
+            groups.setdefault(tuple(words[:-1]), {})[_DIRECTIONS[words[-1]]] = column
+    found = {}
+    for before, there in groups.items():
+        for axes in _AXES:
+            if set(axes) == set(there):
+                found.update({there[letter]: ("_".join([*before, axis]), axes)
+                              for axis, letter in zip("xyz", axes, strict=True)})
+    rates = [column for word in _BODY_RATES for column, words in of_words.items() if words == [word]]
+    if len(rates) == len(_BODY_RATES):
+        found.update({column: (f"gyro_{axis}", "") for axis, column in zip("xyz", rates, strict=True)})
+    return found
+
+
+def guessed(columns: Iterable[str], taken: Container[tuple[str, str]] = (),
+            called: Mapping[str, str] = MappingProxyType({})) -> tuple[dict[tuple[str, str], str], dict[str, str]]:
+    """{(stream, quantity): column} by words, and {column: why it was not guessed}; ``taken``: what others are;
+    ``called``: other names of columns, to be used instead."""
     columns = tuple(columns)
     found: dict[tuple[str, str], str] = {}
     why: dict[str, str] = {}
     matrices = {tuple(words[:-1]) for words in (words_of(c)[0] for c in columns) if words[-1:] == ["8"]}
     for column in columns:
-        what = meaning(column)
+        what = meaning(called.get(column, column))
         if isinstance(what, str):
             why[column] = what
         elif re.fullmatch(r"q\d", what[1]) and tuple(words_of(column)[0][:-1]) in matrices:

@@ -1,0 +1,55 @@
+"""Column names that state directions: north, east, down; and the body rates p, q, r."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_draft_axes import G, flown
+
+from nanobench_tools.signals.column_draft import draft_columns
+from nanobench_tools.sources import load_recordings
+from nanobench_tools.sources.column_names import directed
+
+DOWN = np.array([1.0, -1.0, -1.0])
+TO_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+
+
+@pytest.mark.parametrize("names", [("north", "east", "down"), ("pos_n", "pos_e", "pos_d"), ("pn", "pe", "pd")])
+@pytest.mark.parametrize("body", ["FRD", "FLU"])
+def test_north_east_down_is_turned(tmp_path, names, body):
+    t, p, _, a, turn, w = flown()
+    sides = DOWN if body == "FRD" else np.ones(3)
+    q = type(turn).from_matrix(TO_NED @ turn.as_matrix() @ np.diag(sides)).as_quat()
+    table = {"time_ms": 1e3 * t, **dict(zip(names, (p @ TO_NED.T).T, strict=True)),
+             **{f"q{axis}": q[:, i] for axis, i in zip("wxyz", (3, 0, 1, 2), strict=True)},
+             **{f"a{axis}": c for axis, c in zip("xyz", (sides * turn.inv().apply(a + G)).T, strict=True)},
+             **dict(zip("pqr", np.rad2deg(sides * w).T, strict=True))}
+    rows = [",".join(table), *(",".join(f"{c:.7g}" for c in row) for row in zip(*table.values(), strict=True))]
+    (tmp_path / "flight.csv").write_text("\n".join(rows) + "\n")
+    draft = draft_columns(tmp_path / "flight.csv")
+    assert draft.questions == ()
+    assert draft.mapped["imu", "gyro_y"] == ("q", "deg/s")
+    (tmp_path / "map.toml").write_text(draft.text)
+    flight = load_recordings([tmp_path / "flight.csv"], columns=tmp_path / "map.toml", cache=False).flights[0]
+    np.testing.assert_allclose(flight["mocap"]["px", "py", "pz"], p, atol=1e-4)
+    np.testing.assert_allclose(flight["imu"]["acc_x", "acc_y", "acc_z"], turn.inv().apply(a + G), atol=1e-3)
+    np.testing.assert_allclose(flight["imu"]["gyro_x", "gyro_y", "gyro_z"], w, atol=1e-3)
+    read = type(turn).from_quat(flight["mocap"]["qx", "qy", "qz", "qw"])
+    assert (read.inv() * turn).magnitude().max() < 1e-3
+
+
+def test_only_whole_sets_of_directions_are_read():
+    assert directed(["north", "east", "height"]) == {}
+    assert directed(["e", "n", "u"])["n"] == ("y", "ENU")
+    assert directed(["v_north", "v_west", "v_up"])["v_west"] == ("v_y", "NWU")
+    assert directed(["p", "q"]) == {}
+
+
+@pytest.mark.parametrize("as_position", [True, False])
+def test_a_velocity_in_other_axes_than_its_position_is_a_question(tmp_path, as_position):
+    t, p, v, *_ = flown()
+    table = np.column_stack([t, p @ TO_NED.T, v @ TO_NED.T if as_position else v])
+    np.savetxt(tmp_path / "f.csv", table, delimiter=",", header="t,north,east,down,vx,vy,vz", comments="", fmt="%.6g")
+    draft = draft_columns(tmp_path / "f.csv")
+    assert (("mocap", "vx") in draft.mapped) == as_position
+    assert bool(draft.questions) != as_position
