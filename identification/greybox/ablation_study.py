@@ -133,10 +133,12 @@ def _physical(cases: Sequence[Case], rung: Rung, vehicle: Vehicle, seed: int, wi
     model.result_ = replace(model.result_, parameters=fitted.parameters, flown=flown, trouble="; ".join(wrong),
                             not_identified=fitted.notes, priors=fitted.priors,
                             assumed=(GIVEN.format(mass_g=1e3 * vehicle.mass_kg, arm_mm=arm_mm), *added),
-                            nuisances=(), n_flights=fitted.flights, steps=0, cost=0.0)
+                            thrust_spread=fitted.thrust_spread, nuisances=(), n_flights=fitted.flights, steps=0,
+                            cost=0.0)
     model.predictor_ = replace(model.predictor_, parameters=fitted.parameters)
     found = _found(rung, model, _backward(cases, rung, model) if backward else None)
-    said = (text[0].upper() + text[1:] for text in (*added, *fitted.notes))
+    apart = f"single flights differ in thrust by {100.0 * fitted.thrust_spread:.1f} % (standard deviation)"
+    said = (text[0].upper() + text[1:] for text in (*added, *fitted.notes, apart))
     return replace(found, simulator_note=". ".join((found.simulator_note, *said)))
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from nanobench_tools.results.fitted_values import Estimate
-from nanobench_tools.results.result import Result
+from nanobench_tools.results.result import OPTIONAL, Result
 
 from .flyability import Flight
 
@@ -18,7 +18,8 @@ COLOURS = {"from the flights": "#2563eb", "prior": "#888888", "no interval": "#d
 class FitResult(Result):
     """``trouble``: why this fit is no result (empty: it is one); ``flown``: whether the model flies (None where its
     rate is held); ``not_identified``, ``priors``, ``nuisances``: sentences; ``assumed``: what flights do not show
-    and was taken as given."""
+    and was taken as given; ``thrust_spread``: standard deviation of the thrust of single flights, as a share of
+    ``thrust_scale.s`` (None: not a physical vehicle)."""
 
     name: str
     adapt: str
@@ -33,6 +34,14 @@ class FitResult(Result):
     priors: tuple[str, ...]
     nuisances: tuple[str, ...]
     assumed: tuple[str, ...] = ()
+    thrust_spread: float | None = field(default=None, metadata=OPTIONAL)
+
+    @property
+    def remarks(self) -> dict[str, str]:
+        """Remarks on parameters for the exported file."""
+        if self.thrust_spread is None:
+            return {}
+        return {"thrust_scale.s": f"single flights differ by {100.0 * self.thrust_spread:.1f} % (standard deviation)"}
 
     @property
     def is_result(self) -> bool:

@@ -16,6 +16,10 @@ FULL_CELL_V, EMPTY_CELL_V = 4.2, 3.0
 """Voltage of a lithium cell after charging, and where it has to be spared."""
 MOST_CELL_V = 4.35
 """More than this is more than one cell in series."""
+SAG_TERMS = 4
+"""Terms of the polynomial from command to the voltage of a sagging battery."""
+LEAST_VARIATION = 0.005
+"""Of the voltage at one command, as a share: 20 mV of one cell; less is noise of the reading."""
 DIGITS = 4
 MOTORS = 4
 Predict = Callable[[np.ndarray, float], np.ndarray]
@@ -41,7 +45,8 @@ class ThrustLevel(Result):
 @dataclass(frozen=True, repr=False)
 class ThrustFormula(Result):
     """``text``: with numbers and units; levels at a full and an empty battery; hover_N of one motor, of mass_kg;
-    ``voltage_V``: of the training rows, lowest and highest."""
+    ``voltage_V``: of the training rows, lowest and highest. No levels where the voltage of the rows follows from the
+    command alone: then no row shows how thrust depends on voltage."""
 
     text: str
     mass_kg: float
@@ -57,14 +62,26 @@ class ThrustFormula(Result):
     def described(self, option: str = "") -> str:
         """``sentence``. option: the one that gives a mass, where none was given and the usual one is assumed."""
         assumed = f" (assumed: give {option})" if option else ""
+        if not self.levels:
+            return (f"Rows have {self.voltage_V[0]:.2f} to {self.voltage_V[1]:.2f} V, always the same at the same "
+                    "command: they do not show how thrust depends on voltage; do not use the formula at other voltages")
         parts = []
         for level in self.levels:
             hover = "no hover" if level.hover_pwm is None else f"hover at u = {level.hover_pwm:.3f}"
             beyond = "" if level.measured else ", extrapolated"
             parts.append(f"{level.battery} battery ({level.voltage_V:.2f} V{beyond}): {hover}, "
-                         f"{1e3 * level.full_N:.1f} mN at full command ({level.thrust_to_weight:.2f} x weight)")
-        return (f"Hover of {1e3 * self.mass_kg:g} g{assumed} takes {1e3 * self.hover_N:.1f} mN per motor. "
+                         f"{newton(level.full_N)} at full command ({level.thrust_to_weight:.2f} x weight)")
+        return (f"Hover of {1e3 * self.mass_kg:g} g{assumed} takes {newton(self.hover_N)} per motor. "
                 + "; ".join(parts) + f". Rows have {self.voltage_V[0]:.2f} to {self.voltage_V[1]:.2f} V.")
+
+
+def newton(force_N: float) -> str:
+    """A force with its unit.
+
+    >>> newton(0.1002), newton(18.63)
+    ('100.2 mN', '18.63 N')
+    """
+    return f"{force_N:.4g} N" if force_N >= 1.0 else f"{1e3 * force_N:.1f} mN"
 
 
 def written(candidate: Map, values: Mapping[str, float], scale: float = 1.0) -> str:
@@ -118,14 +135,25 @@ def _cubics() -> dict[str, tuple[float, ...]]:
     return {propellers.name: tuple(propellers.c) for propellers in (PLUS, LEGACY)}
 
 
+def voltage_varies(u: np.ndarray, battery_V: np.ndarray) -> bool:
+    """Whether rows (n,) have different voltages at the same command."""
+    known = np.isfinite(u) & np.isfinite(battery_V)
+    if known.sum() <= SAG_TERMS + 1:
+        return False
+    powers = np.vander(u[known], SAG_TERMS)
+    left = battery_V[known] - powers @ np.linalg.lstsq(powers, battery_V[known], rcond=None)[0]
+    return bool(np.std(left) > LEAST_VARIATION * np.mean(battery_V[known]))
+
+
 def formula_of(text: str, predict: Predict, mass_kg: float, gravity_m_s2: float,
-               voltage_V: tuple[float, float]) -> ThrustFormula:
-    """What the map gives at hover and at full command; voltage_V: lowest and highest of the training rows."""
+               voltage_V: tuple[float, float], varies: bool = True) -> ThrustFormula:
+    """What the map gives at hover and at full command. voltage_V: lowest and highest of the training rows; varies: see
+    ``voltage_varies``."""
     hover_N = mass_kg * gravity_m_s2 / MOTORS
     low, high = voltage_V
     cells = max(1, int(np.ceil(high / MOST_CELL_V))) if np.isfinite(high) else 1
-    levels = []
-    for battery, cell_V in (("full", FULL_CELL_V), ("empty", EMPTY_CELL_V)):
+    levels: list[ThrustLevel] = []
+    for battery, cell_V in (("full", FULL_CELL_V), ("empty", EMPTY_CELL_V)) if varies else ():
         volts = cells * cell_V
         u = np.linspace(0.0, 1.0, 1001)
         curve = np.maximum.accumulate(predict(u, volts))

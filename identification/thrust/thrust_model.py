@@ -21,7 +21,7 @@ from .inverse import Inverse, invert
 from .map_export import Exported, casadi_function, export, flight_terms
 from .stand_fit import Fit
 from .stand_series import MOTORS, Stand
-from .thrust_formula import ThrustFormula, formula_of, written
+from .thrust_formula import ThrustFormula, formula_of, voltage_varies, written
 from .thrust_rows import Rows, cases_of, fit_to_fly, flown_rows, load, sort_out, stand_rows
 from .thrust_study import DRAWS, File, Study, errors, study, target
 
@@ -118,8 +118,10 @@ class ThrustModel:
     def formula_(self) -> ThrustFormula:
         """The map in use with its numbers, at hover and at full command of a full and an empty battery."""
         volts = np.concatenate([f.voltage for f in self.study_.train])
+        varies = voltage_varies(np.concatenate([f.u for f in self.study_.train]), volts)
         return formula_of(written(self.fit_.map, self.fit_.values, self.scale_),
-                          self.predict, self.mass_kg, GRAVITY_M_S2, (float(volts.min()), float(volts.max())))
+                          self.predict, self.mass_kg, GRAVITY_M_S2, (float(volts.min()), float(volts.max())),
+                          varies)
 
     def predict_interval(self, pwm: np.ndarray, voltage: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(low, high) [N] that holds 95 % of the rows of a new file, per motor; from files that were held out."""

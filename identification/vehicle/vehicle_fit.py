@@ -31,6 +31,8 @@ AIR_MOMENT_SD = number("vehicle.vehicle_fit.air_moment_sd")
 INERTIA_SD = number("vehicle.vehicle_fit.inertia_sd")
 """Systematic errors, as shares of the value."""
 TRIM_SD = number("vehicle.vehicle_fit.trim_sd")
+THRUST_SPREAD = number("vehicle.vehicle_fit.thrust_spread")
+SPREAD_FLIGHTS = number("vehicle.vehicle_fit.spread_flights")
 DRAWS = 400
 """Of sessions, flights and priors."""
 MOSTLY = 0.5
@@ -56,6 +58,7 @@ class VehicleFit:
     - model; parameters by name, with interval and share of the prior.
     - draws (D, P): of the model's flat vector.
     - priors, notes: sentences, which priors there are and where the flights disagree.
+    - thrust_spread: standard deviation of the thrust of single flights about ``thrust_scale.s``, as a share of it.
     - flights and seconds that took part."""
 
     model: Model
@@ -63,6 +66,7 @@ class VehicleFit:
     draws: np.ndarray
     priors: tuple[str, ...]
     notes: tuple[str, ...]
+    thrust_spread: float
     flights: int
     seconds: float
 
@@ -101,8 +105,22 @@ def fit_vehicle(cases: Sequence[Case], vehicle: Vehicle | None = None, seed: int
                                                        strict=True)}
     notes = [known.note, OTHER_MOTORS if weighed["thrust_scale.s"].note else "",
              *(f"{name}: {weighed[name].note}" for name in model.names if weighed[name].note)]
-    return VehicleFit(model, parameters, draws, _sentences(known), tuple(filter(None, notes)), len(found),
-                      sum(flight.seconds for flight in found))
+    levels = np.array([flight.level for flight in found])
+    spread = thrust_spread(levels)
+    own = f"{100.0 * np.std(levels, ddof=1) / np.mean(levels):.1f} % in these" if len(levels) > 1 else "one flight"
+    said = (f"thrust of a single flight = thrust_scale.s +- {100.0 * spread:.1f} % ({own}; prior "
+            f"{100.0 * THRUST_SPREAD:g} % of {SPREAD_FLIGHTS:.0f} flights of another vehicle)")
+    return VehicleFit(model, parameters, draws, (*_sentences(known), said), tuple(filter(None, notes)), spread,
+                      len(found), sum(flight.seconds for flight in found))
+
+
+def thrust_spread(levels: np.ndarray) -> float:
+    """Standard deviation of the thrust of single flights over its mean: of these flights, and of a prior that counts as
+    SPREAD_FLIGHTS flights. levels (F,): force over thrust of each flight."""
+    n = len(levels) - 1
+    own = float(np.sum((levels / np.mean(levels) - 1.0) ** 2))
+    prior = SPREAD_FLIGHTS - 1.0
+    return float(np.sqrt((own + prior * THRUST_SPREAD**2) / (n + prior)))
 
 
 def _sentences(known: Priors) -> tuple[str, ...]:

@@ -161,8 +161,8 @@ class VehicleModel:
         if self.trouble:
             raise UsageError(f"this fit is not a plausible vehicle: {self.trouble}")
         if path is not None:
-            write_simulator(self.model, Path(path))
-        return dumps(self.model)
+            write_simulator(self.model, Path(path), self.result.remarks)
+        return dumps(self.model, self.result.remarks)
 
     def __repr__(self) -> str:
         priors = sum(p.prior_share == 1.0 for p in self.result.parameters.values())

@@ -134,7 +134,7 @@ def exported(options: Options, fits: Fits, best: str | None, name: str) -> Expor
     if folder is None:
         return Exported(None, [ModelPredictor(loads(dumps(model)), SIMULATOR)])
     folder.mkdir(parents=True, exist_ok=True)
-    write_simulator(model, folder / name)
+    write_simulator(model, folder / name, value.result.remarks)
     _write_others(options, model, folder, name)
     return Exported(str(folder / name), [ModelPredictor(read_simulator(folder / name), SIMULATOR)])
 

@@ -108,7 +108,7 @@ def maps_screen(options: Options, part: Part, assumed: str = "") -> list[Table |
 
 def _cells(row: ErrorRow, part: Part) -> tuple[str, ...]:
     _, factor, digits = UNITS[part.kind]
-    return (row.model + (" *" if row.model == part.result.best else ""), f"{factor * row.rms:.{digits}f}",
+    return (row.model + ("*" if row.model == part.result.best else ""), f"{factor * row.rms:.{digits}f}",
             "-" if row.ci95 is None else " .. ".join(f"{factor * x:.{digits}f}" for x in row.ci95), str(row.files),
             "-" if row.coverage95 is None else f"{100 * row.coverage95:.0f} %", row.status)
 

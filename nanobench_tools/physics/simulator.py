@@ -12,6 +12,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from ..errors import InputError, MissingExtraError
@@ -135,8 +136,10 @@ class _Lines:
         return 1
 
 
-def dumps(model: Model) -> str:
+def dumps(model: Model, remarks: Mapping[str, str] = MappingProxyType({})) -> str:
     """Text of a simulator.toml that ``loads`` turns into an equal model; every line says its unit.
+
+    remarks: by parameter (``thrust_scale.s``), written behind the unit.
 
     Raises InputError for a model whose values have left their physical bounds.
     """
@@ -159,7 +162,8 @@ def dumps(model: Model) -> str:
         table["name"].comment(term.equation)
         for name, value in model.values_of(term.name).items():
             table[name] = _lists(value)
-            table[name].comment(term.parameter(name).unit)
+            remark = remarks.get(f"{term.name}.{name}", "")
+            table[name].comment(term.parameter(name).unit + f"; {remark}" * bool(remark))
         terms.append(table)
     document["terms"] = terms
     return tomlkit.dumps(document)
@@ -169,6 +173,6 @@ def _lists(value: Any) -> Any:
     return [_lists(v) for v in value] if isinstance(value, tuple) else value
 
 
-def write_simulator(model: Model, path: Path | str) -> None:
+def write_simulator(model: Model, path: Path | str, remarks: Mapping[str, str] = MappingProxyType({})) -> None:
     """Write ``dumps`` to a file, whole or not at all."""
-    write_bytes(Path(path), dumps(model).encode("utf-8"))
+    write_bytes(Path(path), dumps(model, remarks).encode("utf-8"))

@@ -37,8 +37,15 @@ class Packets:
 
 
 def packets_of(context: Context) -> dict[str, Packets]:
-    """A reading for every stream with at least three rows."""
-    return {name: _packets(stream) for name, stream in context.once(usable_streams).items() if len(stream) > 2}
+    """A reading for every stream with at least three rows. Rows of a thrust stand are settled points: each is measured,
+    and a series of commands may well be a straight line."""
+    settled = context.flight.metadata.get("kind") == "stand"
+    return {name: _settled(stream) if settled else _packets(stream)
+            for name, stream in context.once(usable_streams).items() if len(stream) > 2}
+
+
+def _settled(stream: Stream) -> Packets:
+    return Packets(np.zeros(len(stream), bool), np.zeros(len(stream), bool), typical_step_s(stream.time_s))
 
 
 def _packets(stream: Stream) -> Packets:

@@ -204,6 +204,8 @@ def _streams(grid: Grid, known: list[Heading], row: np.ndarray, place: str) -> t
         streams[stream] = make_stream(stream, row, values, tuple(heads), [h.column for h in heads.values()],
                                       samples=len(row))
     _check_power(streams, place)
+    if "motor" in streams:
+        _check_sign(streams, place)
     return streams, {h.column for heads in chosen.values() for h in heads.values()}
 
 
@@ -231,6 +233,24 @@ def _check_power(streams: dict[str, Stream], place: str) -> None:
         raise InputError(f"{place}: columns {', '.join(columns)}",
                          f"{per_watt:.3g} N per W of electrical power; propellers give {low:g} to {high:g}",
                          "one of them is in another unit: write it behind the name, as in thrust (gf)")
+
+
+def _check_sign(streams: dict[str, Stream], place: str) -> None:
+    """InputError where the load cell counts down as the command grows."""
+    cell = streams.get("stand")
+    if cell is None or "thrust" not in cell.quantities:
+        return
+    command, thrust = streams["motor"].values.max(axis=1), cell["thrust"]
+    known = np.isfinite(command) & np.isfinite(thrust)
+    strong = known & (command > STRONG * np.nanmax(command, initial=0.0))
+    weak = known & (command <= 0.1 * np.nanmax(command, initial=0.0))
+    rest = float(np.median(thrust[weak])) if weak.any() else 0.0
+    if strong.any() and float(np.median(thrust[strong])) < min(rest, 0.0):
+        column = cell.columns[cell.quantities.index("thrust")]
+        raise InputError(f"{place}: column {column}",
+                         f"falls to {np.median(thrust[strong]):.3g} N as the command grows: the load cell counts "
+                         "downwards",
+                         "write the column with the other sign")
 
 
 def _check_propeller(streams: dict[str, Stream], place: str) -> None:

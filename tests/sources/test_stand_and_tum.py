@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.sources import load_recordings
 from nanobench_tools.sources.stand import heading
 
@@ -35,6 +36,19 @@ def test_thrust_that_no_propeller_has_at_its_power_and_speed_is_refused(tmp_path
         error = loaded.failed[0]["error"]
         assert "Thrust (kgf), Current (A), Voltage (V)" in error
         assert "N per W" in error or "N per motor where propellers with this power and speed give" in error
+
+
+def test_a_load_cell_that_counts_down_is_refused(tmp_path):
+    rows = [f"{1000 + 20 * i},{12 - 30 * i},{16.4 - 0.02 * i}" for i in range(50)]
+    (tmp_path / "a.csv").write_text("ESC signal (us),Thrust (g),Voltage (V)\n" + "\n".join(rows) + "\n")
+    assert "the load cell counts downwards; write the column with the other sign" in load(tmp_path).failed[0]["error"]
+
+
+def test_a_straight_ramp_on_a_stand_is_no_gap(tmp_path):
+    ramp = [*range(1000, 2001, 50), *range(2000, 999, -50)]
+    rows = [f"{u},{1.9 * (u - 1000)},{16.4 - 1e-3 * (u - 1000)}" for u in ramp]
+    (tmp_path / "a.csv").write_text("ESC signal (us),Thrust (g),Voltage (V)\n" + "\n".join(rows) + "\n")
+    assert audit(load(tmp_path).flights[0]).faults == ()
 
 
 def load(folder):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from identification.thrust.maps import MAPS
-from identification.thrust.thrust_formula import formula_of, written
+from identification.thrust.thrust_formula import formula_of, voltage_varies, written
 
 UNIT = re.compile(r"(?<=\d) (?:N|V|1)(?:/V)?(?:\^\d)?(?=[ )]|$)")
 VALUES = {"thrust_pwm": [0.01, 0.03, 0.12], "thrust_voltage": [-0.004, 0.032, -0.0096, 0.0042],
@@ -59,3 +59,12 @@ def test_an_assumed_mass_is_marked():
     found = formula_of("T = ...", lambda u, volts: 0.01 * (np.asarray(u) * volts) ** 2, 0.04, 9.81, (3.2, 4.25))
     assert found.sentence.startswith("Hover of 40 g takes ")
     assert found.described("--mass").startswith("Hover of 40 g (assumed: give --mass) takes ")
+
+
+def test_a_voltage_that_follows_from_the_command_shows_no_dependence_on_it():
+    u = np.tile(np.linspace(0.1, 1.0, 20), 2)
+    assert not voltage_varies(u, 16.4 - 1.5 * u**2)
+    assert voltage_varies(u, 4.0 - 0.5 * u - 0.3 * (np.arange(40) >= 20))
+    found = formula_of("T = ...", lambda u, volts: 0.01 * (np.asarray(u) * volts) ** 2, 0.04, 9.81, (15.0, 16.4), False)
+    assert found.levels == ()
+    assert "do not show how thrust depends on voltage" in found.sentence

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from identification.vehicle import motion_sums as sums
-from identification.vehicle.vehicle_fit import fit_vehicle
+from identification.vehicle.vehicle_fit import THRUST_SPREAD, fit_vehicle, thrust_spread
 from identification.vehicle.vehicle_priors import PriorsFile, priors_of
 from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.firmware.thrust_curve import thrust_of_voltage
 from nanobench_tools.physics import Vehicle
+from nanobench_tools.physics.simulator import dumps, loads
 from nanobench_tools.practice.vehicle_parameters import VEHICLE
 from nanobench_tools.protocols.task1 import training_cases
 
@@ -127,3 +128,19 @@ def test_noise_of_the_command_does_not_shrink_what_it_does(noise_V):
         assert (vm - 1.7e-5 * vd - 2e-5 * vw) / vv == pytest.approx(-6e-4, rel=0.05)
         if noise_V:
             assert mm / dm > 1.3 * 1.7e-5
+
+
+def test_the_spread_of_thrust_between_flights_is_of_these_flights_and_a_prior():
+    """One flight: the prior. Many flights: theirs, 4 %."""
+    assert thrust_spread(np.array([1.1])) == pytest.approx(THRUST_SPREAD)
+    many = 1.0 + 0.04 * np.tile([-1.0, 1.0], 200)
+    assert thrust_spread(many) == pytest.approx(0.04, rel=0.02)
+    assert THRUST_SPREAD < thrust_spread(many[:6]) < 0.04
+
+
+def test_the_file_states_the_spread_of_thrust(fitted):
+    assert "thrust of a single flight = thrust_scale.s +- " in fitted.priors[-1]
+    text = dumps(fitted.model, {"thrust_scale.s": "single flights differ by 2.2 % (standard deviation)"})
+    (line,) = [line for line in text.splitlines() if line.startswith("s = ")]
+    assert line.endswith("# 1; single flights differ by 2.2 % (standard deviation)")
+    assert loads(text) == fitted.model
