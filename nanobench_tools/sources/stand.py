@@ -282,7 +282,9 @@ def _speed(streams: dict[str, Stream]) -> tuple[np.ndarray | None, str, tuple[in
     if "rpm" in streams:
         return streams["rpm"].values.mean(axis=1) / (2.0 * np.pi), streams["rpm"].columns[0], (1, 1)
     extra = streams.get("extra")
-    for i, column in enumerate(() if extra is None else extra.columns):
+    if extra is None:
+        return None, "", (1, 1)
+    for i, column in enumerate(extra.columns):
         match = _HEADER.fullmatch(column)
         if match and match[1].lower().endswith("electrical speed") and (match[2] or "").strip().lower() == "rpm":
             return extra.values[:, i] / 60.0, column, POLE_PAIRS

@@ -42,15 +42,17 @@ def table(key: str, store: Store, fill: Fill) -> str:
         sources.append(base.partition("/")[0])
         rows.append([*labels, *(fill(cell, base=base) for cell in layout["cells"])])
     note = fill(layout.get("note", ""), base=source)
-    return markdown(layout["header"], rows) + f"\n\n{origin(sources or [source], store, note)}"
+    return markdown(layout["header"], rows, layout.get("labels")) + f"\n\n{origin(sources or [source], store, note)}"
 
 
-def markdown(header: list[str], rows: list[list[str]]) -> str:
-    """A Markdown table; every row has as many cells as the header."""
+def markdown(header: list[str], rows: list[list[str]], labels: int | None = None) -> str:
+    """A Markdown table; every row has as many cells as the header. labels: how many first columns are text; those
+    behind them are numbers, aligned to the right (None: all to the left)."""
     for row in rows:
         if len(row) != len(header):
             raise FigureError(f"row {row[0]!r} has {len(row)} cells, the header {len(header)}")
-    lines = [header, ["---"] * len(header), *rows]
+    text = len(header) if labels is None else labels
+    lines = [header, ["---"] * text + ["---:"] * (len(header) - text), *rows]
     return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
 
 
