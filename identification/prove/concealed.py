@@ -119,16 +119,16 @@ def fit_simulators(split: Split, run: Run, seed: int, mass_kg: float) -> tuple[M
     place, cases = split.train[0].flight.provenance.path, list(split.train)
 
     def made(title: str, function: Callable[..., Any], **given: Any) -> Any:
-        item = make_item(function, {"cases": cases, "mass_kg": mass_kg, **given}, title, file=place)
+        item = make_item(function, {"cases": cases, **given}, title, file=place)
         found = run([item], title)
         if not found.values:
             raise InputError(str(found.failed[0]["file"]), f"no simulator can be fitted: {found.failed[0]['error']}")
         return found.values[item.key]
 
-    thrust = made("fit thrust", thrust_item)
+    thrust = made("fit thrust", thrust_item, mass_kg=mass_kg)
     rung = replace(RUNG, terms={**RUNG.terms, MAP: {"c": thrust.c}}, hold=(MAP,))
-    terms = made("fit the rest", fit_item, rung=rung, seed=seed).simulator
-    fitted = loads(made("fit drag", drag_item, terms=terms)["simulator"])
+    terms = made("fit the rest", fit_item, rung=rung, seed=seed, vehicle=Vehicle(mass_kg=mass_kg)).simulator
+    fitted = loads(made("fit drag", drag_item, mass_kg=mass_kg, terms=terms)["simulator"])
     blind = with_other_map(fitted, thrust.battery_V)
     assert blind is not None  # it has MAP
     return fitted, blind

@@ -5,7 +5,6 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -71,8 +70,12 @@ def _show_within(options: Options, parts: Sequence[Table | str], lines: int) -> 
 
 
 def _with_one_row(table: Table, width: int) -> int:
-    """Lines of a table that is cut to its headings, its first row and the number of the others."""
-    return len(lines_of(replace(table, rows=table.rows[:1]), width)) + (len(table.rows) > 1)
+    """Lines of a table that is cut to its headings, its first row and the number of the others. All rows decide how
+    wide the columns are."""
+    whole = len(lines_of(table, width))
+    none = f"... {len(table.rows)} more row"
+    return next((most for most in range(1, whole) if not any(
+        line.startswith(none) for line in lines_of(table, width, most=most))), whole)
 
 
 def shortened(text: str, characters: int = 600) -> str:

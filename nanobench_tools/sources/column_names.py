@@ -13,6 +13,7 @@ from .units_as_written import unit_as_written
 _UNIT = re.compile(r"[\s_]*[\[(]\s*(?!\d+\s*[\])])([^\[\]()]*?)\s*[\])]\s*$")
 _ENDS = re.compile(r"^(.*[^_])_(m_s2|m_s\^2|mm_s2|rad_s|deg_s|dps|m_s|mm_s|ms|us|ns|s|sec|m|mm|cm|rad|deg|V|mV|g|mg|N|"
                    r"kgf|gf|rpm|percent|pct)$")
+_TIME_UNIT = re.compile(r"(?i)(time|timestamp)(us|ms|ns)")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _APART = re.compile(r"[^a-z0-9]+")
 _VEHICLE = re.compile(r"(cf|uav|drone|quad|robot|agent|mav)\d*")
@@ -46,9 +47,10 @@ _CHARGE = {"percent", "percentage", "pct", "soc", "charge", "level", "remaining"
 
 def unit_of(column: str) -> str:
     """The unit that a name states, as a map writes it (as found where no map knows it), or ""."""
-    for pattern, place in ((_UNIT, 1), (_ENDS, 2)):
-        if match := pattern.search(column):
-            return unit_as_written(match[place]) or match[place]
+    for pattern, place in ((_UNIT, 1), (_ENDS, 2), (_TIME_UNIT, 2)):
+        if match := pattern.fullmatch(column) if pattern is _TIME_UNIT else pattern.search(column):
+            written = match[place].lower() if pattern is _TIME_UNIT else match[place]
+            return unit_as_written(written) or written
     return ""
 
 
@@ -61,7 +63,7 @@ def words_of(column: str) -> tuple[list[str], str]:
     unit = unit_of(column)
     if match := _UNIT.search(column):
         column = column[:match.start()]
-    elif match := _ENDS.match(column):
+    elif match := _ENDS.match(column) or _TIME_UNIT.fullmatch(column):
         column = match[1]
     words = [w for w in _APART.split(_CAMEL.sub("_", column).lower()) if w]
     if words and (glued := re.fullmatch(r"([a-z]+?)([wxyz]|[0-8])", words[-1])) and glued[1] in (

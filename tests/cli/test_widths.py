@@ -2,10 +2,11 @@
 
 import io
 import sys
+from dataclasses import replace
 
 import pytest
 
-from nanobench_tools.cli.closing import close
+from nanobench_tools.cli.closing import _with_one_row, close
 from nanobench_tools.metrics.statistics import summary
 from nanobench_tools.steps.options import Options
 from nanobench_tools.steps.show import interval_text, score_text
@@ -107,6 +108,15 @@ def test_a_verb_ends_within_one_screen_and_says_what_is_left_out(shown, rows):
     assert there + sum(counted) == rows
     every = shown(lambda: close(Options(verbose=True), "3 fine", screen=[table(rows)]), 80)
     assert every.count("B9_trefoil") == rows
+
+
+def test_the_least_lines_of_a_table_hold_its_first_row_where_other_rows_widen_its_columns():
+    wide = scores(5, 4)
+    rows = (("a", *wide.rows[0][1:]), *wide.rows[1:3], ("a_method_with_a_very_long_name_indeed", *wide.rows[3][1:]))
+    cut = replace(wide, rows=rows, note="a note")
+    least = _with_one_row(cut, 60)
+    assert any(line.startswith("a  ") for line in lines_of(cut, 60, most=least))
+    assert not any(line.startswith("a  ") for line in lines_of(cut, 60, most=least - 1))
 
 
 def test_one_flight_has_no_spread():

@@ -53,3 +53,13 @@ def test_a_velocity_in_other_axes_than_its_position_is_a_question(tmp_path, as_p
     draft = draft_columns(tmp_path / "f.csv")
     assert (("mocap", "vx") in draft.mapped) == as_position
     assert bool(draft.questions) != as_position
+
+
+@pytest.mark.parametrize("name", ["TimeUS", "timeus", "timestamp_us"])
+def test_the_unit_of_a_time_may_be_glued_to_its_name(tmp_path, name):
+    t, p, *_ = flown()
+    np.savetxt(tmp_path / "f.csv", np.column_stack([1e6 * t, p, 40.0 + 0.0 * t]), delimiter=",",
+               header=f"{name},PN,PE,PD,T", comments="", fmt="%.6g")
+    draft = draft_columns(tmp_path / "f.csv")
+    assert draft.mapped["", "time"] == (name, "us")
+    assert draft.mapped["mocap", "pz"][0] == "PD"

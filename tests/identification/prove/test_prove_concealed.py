@@ -2,11 +2,13 @@
 
 from dataclasses import dataclass
 from functools import partial
+from inspect import signature
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from identification.greybox.ablation_study import fit_item
 from identification.greybox.ladder import FULL
 from identification.prove import concealed
 from identification.prove.concealed import LearntMap, RealProof, dead_logs, diagnose_real, fit_simulators, real_cases
@@ -37,12 +39,19 @@ def thrust(cases, mass_kg) -> LearntMap:
     return LearntMap((0.01, 0.0, 0.01), 3.8)
 
 
+def test_stand_ins_take_what_the_functions_take():
+    for real, stand_in in ((fit_item, fitted), (concealed.thrust_item, thrust), (concealed.drag_item, drag)):
+        needed = [p.name for p in signature(real).parameters.values() if p.default is p.empty]
+        assert needed == list(signature(stand_in).parameters)
+
+
 @dataclass(frozen=True)
 class Made:
     simulator: dict
 
 
-def fitted(cases, rung, seed, mass_kg) -> Made:
+def fitted(cases, rung, seed, vehicle) -> Made:
+    assert vehicle.mass_kg == 0.041
     assert rung.hold == ("thrust_voltage",)
     assert rung.terms["thrust_voltage"]["c"] == (0.01, 0.0, 0.01)
     return Made({**VOLTS, **{k: rung.terms[k] for k in rung.hold}})
@@ -126,7 +135,7 @@ def test_the_table_says_real_and_leaves_nothing_out(simulators, capsys):
 
 
 def test_a_fit_that_fails_is_one_line(monkeypatch):
-    def no_fit(cases, rung, seed, mass_kg):
+    def no_fit(cases, rung, seed, vehicle):
         raise InputError("training flights", "PWM of m1 never changes")
 
     monkeypatch.setattr(concealed, "fit_item", no_fit)
