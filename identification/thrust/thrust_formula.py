@@ -136,7 +136,8 @@ def _cubics() -> dict[str, tuple[float, ...]]:
 
 
 def voltage_varies(u: np.ndarray, battery_V: np.ndarray) -> bool:
-    """Whether rows (n,) have different voltages at the same command."""
+    """Whether rows have different voltages at the same command. u: (n,), or (n, 4) of the motors; battery_V: (n,)."""
+    u = u.reshape(len(u), -1).mean(axis=1)
     known = np.isfinite(u) & np.isfinite(battery_V)
     if known.sum() <= SAG_TERMS + 1:
         return False

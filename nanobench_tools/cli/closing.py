@@ -111,4 +111,5 @@ def close_scores(options: Options, result: str, kind: str, screen: Sequence[Tabl
 
 
 def _recordings(options: Options) -> list[object]:
-    return [word for path in options.data for word in ("--data", path)]
+    columns = [] if options.columns is None else ["--columns", options.columns]
+    return [*(word for path in options.data for word in ("--data", path)), *columns]

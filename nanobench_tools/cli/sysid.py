@@ -20,7 +20,7 @@ from ..steps.result_bodies import ClockModels, SysidBody
 from ..steps.sentences import predicted
 from ..steps.show import data_word, sessions_text, show_left_out, show_ratios
 from ..time_offsets.moving.votes import AS_RECORDED, evidence_of
-from .closing import close, close_scores, same
+from .closing import close, close_scores, same, shortened
 from .shared_options import PATH, no_paths_beside, shared_options
 from .sysid_models import SIMULATOR, Choice, Fits, choose, exported, fitted
 from .sysid_rows import rows_of
@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from ..protocols.task1 import PredictionRow, Split
 
 DEFAULT_METHODS = ("naive", "published_physics", "published_physics_ratio2")
+NOTE = 400
+"""Characters of the note on the exported file that are shown on the screen; --verbose shows all."""
 STARTS_SENTENCE = ("Starts: centred, the stored velocity, which uses poses 50 ms ahead, and rows that the recorder "
                    "interpolated up to the next packet; past, a velocity of poses up to the start. Past also uses "
                    "gyro and onboard attitude of the newest row that had surely arrived, on the clock they were "
@@ -110,13 +112,14 @@ def sysid(options: Options, methods: tuple[str, ...], only: bool, train: tuple[P
         parts = family_parts(flights, train_family)
     body = sysid_body(options, flights, audits, predictors, parts, wanted, vehicle,
                       epochs=epochs if learned else None, published=learned != "own", recorded=recorded, priors=known)
-    screen = [*sysid_screen(to_json(body), options.synthetic), *filter(None, [body.models.simulator_note])]
+    tables, note = sysid_screen(to_json(body), options.synthetic), body.models.simulator_note
+    screen, detail = ([*tables, *filter(None, [text])] for text in (shortened(note, NOTE), note))
     if options.out is not None and body.models.simulator is not None:
         options.data = tuple(test) or options.data
         close(options, predicted(body), "where this model is wrong", "nanobench", "diagnose", *same(options),
-              "--simulator", body.models.simulator, screen=screen)
+              "--simulator", body.models.simulator, screen=screen, detail=detail)
     else:
-        close_scores(options, predicted(body), "predictor", screen)
+        close_scores(options, predicted(body), "predictor", screen, detail)
     return options.finish("sysid", body)
 
 

@@ -80,7 +80,7 @@ def task1(sysid: Mapping[str, Any], synthetic: bool) -> Table:
 def sysid_screen(sysid: Mapping[str, Any], synthetic: bool) -> list[Table | str]:
     """Every model over all test flights from the published start, for one screen; of the position the interval, too.
     The best model is the first row."""
-    best = (sysid.get("models") or {}).get("best")
+    best = sysid.get("best")
     rows = sorted((row for row in one_truth(sysid["rows"]) if row["group"] == "all"),
                   key=lambda row: row["model"] != best)
     heads = {"position_mae_m": "position m", "velocity_mae_m_s": "velocity m/s", "attitude_mae_rad": "attitude rad",

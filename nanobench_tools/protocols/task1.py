@@ -142,7 +142,8 @@ def split(flights: Sequence[Flight], audits: Mapping[str, Audit]) -> Split:
 
     The first is the earliest distinct recording of its trajectory_id (without a sheet: of family and speed), whether or
     not it flew. A piece cut to the flight is never first if there are whole recordings. Where every trajectory was
-    flown once, the latest third is tested on. Raises InputError if no test flight remains.
+    flown once, or none is of a TRAINED family, the latest third is tested on. Raises InputError if no test flight
+    remains.
     """
     kept, repeats = distinct(flights)
     first: dict[str, Flight] = {}
@@ -156,11 +157,18 @@ def split(flights: Sequence[Flight], audits: Mapping[str, Audit]) -> Split:
     others, shared = apart([f for f in kept if f.name in chosen], [f for f in kept if f.name not in chosen])
     test = _cases(others, audits, seen)
     told = f"train: earliest recording of each trajectory of {', '.join(TRAINED)}; test: the others"
-    if not test and not others and len(train) >= FEWEST_TO_DIVIDE:
-        latest = sorted(train, key=lambda case: case.flight.epoch_s)[-(len(train) // FEWEST_TO_DIVIDE):]
-        train = [case for case in train if case not in latest]
-        test = _cases([case.flight for case in latest], audits, {family_of(case.flight) for case in train})
-        told = "every trajectory was flown once; test: the latest third; train: the others"
+    why, all_cases = "", train
+    if not test and not others:
+        why = "every trajectory was flown once"
+    elif not train:
+        why, all_cases = f"no trajectory is one of {', '.join(TRAINED)}", test
+    if why and len(all_cases) >= FEWEST_TO_DIVIDE:
+        latest = sorted(all_cases, key=lambda case: case.flight.epoch_s)[-(len(all_cases) // FEWEST_TO_DIVIDE):]
+        names = {case.flight.name for case in latest}
+        train = _cases([case.flight for case in all_cases if case.flight.name not in names], audits, None)
+        others, shared = apart([case.flight for case in train], [case.flight for case in latest])
+        test = _cases(others, audits, {family_of(case.flight) for case in train})
+        told = f"{why}; test: the latest third; train: the others"
     if not test:
         raise _nothing(flights, train, len(shared))
     note = f"{told}; {len(repeats) + len(shared)} copies and slices left out"

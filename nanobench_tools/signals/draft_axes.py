@@ -58,6 +58,7 @@ def _body_down(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
     world = Rotation.from_quat(q[rows]).apply(f[rows]).mean(axis=0)
     if np.median(f[rows, 2]) < 0.0 and world[2] < -UPWARDS * float(np.linalg.norm(world)):
         draft.frames["mocap"], draft.frames["imu"] = f"{DOWN}/FRD", "FRD"
+        draft.notes[:] = [note for note in draft.notes if not note.startswith("p, q, r:")]
         draft.notes.append("mocap: NED/FRD, and imu: FRD, since z of accelerometer and attitude point down")
 
 

@@ -151,6 +151,15 @@ def test_of_three_flights_of_different_paths_the_latest_is_tested_on():
         split_of(flights[:2])
 
 
+def test_of_three_flights_of_unknown_paths_the_latest_is_tested_on():
+    flights = [made_flight(f"f{k}", epoch_s=1e9 * (k + 1), seed=k, family=None) for k in range(3)]
+    found = split_of(flights[::-1])
+    assert sorted(c.flight.name for c in found.train) == ["f0", "f1"]
+    assert [c.flight.name for c in found.test] == ["f2"]
+    assert found.note.startswith("no trajectory is one of circle, figure_eight")
+    assert [c.flight.name for c in split_of(flights[:2]).test] == ["f0", "f1"]
+
+
 def test_faulty_spans_are_left_out():
     first, second = made_flight("a"), made_flight("b", epoch_s=2e9, seed=1)
     found = split_of([first, second], b=[dead("imu", 10.0)])

@@ -64,6 +64,7 @@ def test_an_assumed_mass_is_marked():
 def test_a_voltage_that_follows_from_the_command_shows_no_dependence_on_it():
     u = np.tile(np.linspace(0.1, 1.0, 20), 2)
     assert not voltage_varies(u, 16.4 - 1.5 * u**2)
+    assert not voltage_varies(np.tile(u[:, None], 4), 16.4 - 1.5 * u**2)
     assert voltage_varies(u, 4.0 - 0.5 * u - 0.3 * (np.arange(40) >= 20))
     found = formula_of("T = ...", lambda u, volts: 0.01 * (np.asarray(u) * volts) ** 2, 0.04, 9.81, (15.0, 16.4), False)
     assert found.levels == ()
