@@ -100,11 +100,14 @@ def shown_page(path: Path) -> tuple[str, ...]:
 
 
 def close_scores(options: Options, result: str, kind: str, screen: Sequence[Table | str] = (),
-                 detail: Sequence[Table | str] = ()) -> None:
-    """Of a verb that scores methods: its page where results were written, else a method of one's own."""
+                 detail: Sequence[Table | str] = (), scored: bool = False) -> None:
+    """Of a verb that scores methods: its page where results were written, else a method of one's own. scored: the user
+    has one already."""
     if options.out is not None:
         close(options, result, "as a page with pictures", "nanobench", "report", options.out, *_recordings(options),
               screen=screen, detail=detail)
+    elif scored:
+        close(options, result, "as files", *again("--out", "results"), screen=screen, detail=detail)
     else:
         close(options, result, f"your own {kind} beside these", "nanobench", "new", kind, f"my_{kind}",
               screen=screen, detail=detail)

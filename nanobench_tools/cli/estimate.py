@@ -101,4 +101,4 @@ def close_estimates(options: Options, body: EstimateBody, first: Collection[str]
     parts = task3_attribution(content["attribution"]) if body.attribution is not None else []
     close_scores(options, estimated(body.rows, body.rankings or ()), "estimator",
                  [*parts, *task3_screen(screen, options.synthetic)],
-                 [*parts, *task3(content, options.synthetic), task3_windows(content)])
+                 [*parts, *task3(content, options.synthetic), task3_windows(content)], bool(first))

@@ -119,7 +119,7 @@ def sysid(options: Options, methods: tuple[str, ...], only: bool, train: tuple[P
         close(options, predicted(body), "where this model is wrong", "nanobench", "diagnose", *same(options),
               "--simulator", body.models.simulator, screen=screen, detail=detail)
     else:
-        close_scores(options, predicted(body), "predictor", screen, detail)
+        close_scores(options, predicted(body), "predictor", screen, detail, bool(methods))
     return options.finish("sysid", body)
 
 

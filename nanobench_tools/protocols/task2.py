@@ -117,7 +117,8 @@ def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str
     if not cases:
         raise InputError(flights[0].provenance.path if flights else "data",
                          f"no flight of a known controller with motion capture, setpoint and motor streams for "
-                         f"protocol {protocol!r} among {len(flights)} recordings")
+                         f"protocol {protocol!r} among {len(flights)} recordings",
+                         "the pid stream or the sheet shows the controller (docs/own_methods.md)")
     return cases
 
 

@@ -93,7 +93,8 @@ def test_an_estimator_from_new_is_scored_by_the_command_it_names(nanobench, here
     assert {row["method"] for row in rows} > {"first_of_mine", "onboard_ekf"}
     assert "aided: " in out
     assert "smallest ATE " in out
-    assert next_command(out) == ["nanobench", "new", "estimator", "my_estimator"]
+    assert next_command(out)[:2] == ["nanobench", "estimate"]
+    assert next_command(out)[-2:] == ["--out", "results"]
 
 
 def test_the_chain_from_the_first_audit_on_can_be_pasted(nanobench, here, recordings):
