@@ -32,6 +32,12 @@ def _person(name: object) -> str:
     return PEOPLE.get(str(name), str(name))
 
 
+def _quoted(name: object) -> str:
+    """``_person``, in quotes where it is of several words."""
+    found = _person(name)
+    return f'"{found}"' if " " in found else found
+
+
 def overview(results: Results) -> Words:
     """A few sentences on the recordings and their state."""
     flights = (results.get("audit") or {}).get("flights") or []
@@ -98,9 +104,11 @@ def _near(rows: Sequence[Mapping[str, Any]], last: str | None) -> list[str]:
     ends = {str(r.get("model")): _at(r.get("ratio_ci95"), last) for r in rows if r.get("ratio_to") == to}
     if to is None or not any(ends.values()):
         return []
-    near = [name for name, one in ends.items() if not excludes_one(one)]
-    smaller = [name for name, one in ends.items() if excludes_one(one) and one[1] < 1.0]
-    same = f"{', '.join(near)} cannot be distinguished from {to}" if near else f"every other model differs from {to}"
+    near = [_quoted(name) for name, one in ends.items() if not excludes_one(one)]
+    smaller = [_quoted(name) for name, one in ends.items() if excludes_one(one) and one[1] < 1.0]
+    usual = _quoted(to)
+    same = (f"{', '.join(near)} cannot be distinguished from {usual}" if near else
+            f"every other model differs from {usual}")
     less = f"; only {', '.join(smaller)} {'have' if len(smaller) > 1 else 'has'} less error" if smaller else ""
     return [f"By the interval of the ratio over the same windows, position error at h = {last}: {same}{less}."]
 
