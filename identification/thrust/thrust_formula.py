@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from nanobench_tools.results.result import Result
+from nanobench_tools.results.result import OPTIONAL, Result
 
 from .maps import MONOMIALS, Map
 
@@ -46,13 +46,15 @@ class ThrustLevel(Result):
 class ThrustFormula(Result):
     """``text``: with numbers and units; levels at a full and an empty battery; hover_N of one motor, of mass_kg;
     ``voltage_V``: of the training rows, lowest and highest. No levels where the voltage of the rows follows from the
-    command alone: then no row shows how thrust depends on voltage."""
+    command alone: then no row shows how thrust depends on voltage. ``sagged_N``: of one motor at full command and the
+    lowest voltage of the rows."""
 
     text: str
     mass_kg: float
     hover_N: float
     voltage_V: tuple[float, float]
     levels: tuple[ThrustLevel, ...]
+    sagged_N: float | None = field(default=None, metadata=OPTIONAL)
 
     @property
     def sentence(self) -> str:
@@ -63,8 +65,11 @@ class ThrustFormula(Result):
         """``sentence``. option: the one that gives a mass, where none was given and the usual one is assumed."""
         assumed = f" (assumed: give {option})" if option else ""
         if not self.levels:
-            return (f"Rows have {self.voltage_V[0]:.2f} to {self.voltage_V[1]:.2f} V, always the same at the same "
-                    "command: they do not show how thrust depends on voltage; do not use the formula at other voltages")
+            full = "" if self.sagged_N is None else (
+                f"{newton(self.sagged_N)} per motor at full command and {self.voltage_V[0]:.2f} V. ")
+            return (f"{full}Rows have {self.voltage_V[0]:.2f} to {self.voltage_V[1]:.2f} V, always the same at "
+                    "the same command: they do not show how thrust depends on voltage; do not use the formula at other "
+                    "voltages")
         parts = []
         for level in self.levels:
             hover = "no hover" if level.hover_pwm is None else f"hover at u = {level.hover_pwm:.3f}"
@@ -161,4 +166,5 @@ def formula_of(text: str, predict: Predict, mass_kg: float, gravity_m_s2: float,
         full_N = float(curve[-1])
         hover = float(np.interp(hover_N, curve, u)) if full_N >= hover_N else None
         levels.append(ThrustLevel(battery, volts, hover, full_N, full_N / hover_N, bool(low <= volts <= high)))
-    return ThrustFormula(text, mass_kg, hover_N, voltage_V, tuple(levels))
+    sagged_N = float(np.max(predict(np.linspace(0.0, 1.0, 1001), low)))
+    return ThrustFormula(text, mass_kg, hover_N, voltage_V, tuple(levels), sagged_N)

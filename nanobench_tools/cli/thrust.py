@@ -98,11 +98,12 @@ def maps_screen(options: Options, part: Part, assumed: str = "") -> list[Table |
                   key=lambda row: row.model != part.result.best)
     width = {True: "in 95 % interval", False: ""}[any(row.coverage95 is not None for row in rows)]
     heads = ("map", f"RMS {unit}", "95 %", "files", *filter(None, [width]), "status")
+    note = short_note(rows) if part.found.flown else short_note(rows).replace("one flight", "one file")
     table = Table.plain(
         f"Thrust from {part.kind}s, {data_word(options)} data, rows of files that were "
         + ("held out" if rows[0].split == "test" else "fitted to"), heads,
         [tuple(cell for cell, head in zip(_cells(row, part), ("map", heads[1], "95 %", "files", width, "status"),
-                                          strict=True) if head) for row in rows], short_note(rows))
+                                          strict=True) if head) for row in rows], note)
     return [table, formula(part, assumed)]
 
 

@@ -68,4 +68,5 @@ def test_a_voltage_that_follows_from_the_command_shows_no_dependence_on_it():
     assert voltage_varies(u, 4.0 - 0.5 * u - 0.3 * (np.arange(40) >= 20))
     found = formula_of("T = ...", lambda u, volts: 0.01 * (np.asarray(u) * volts) ** 2, 0.04, 9.81, (15.0, 16.4), False)
     assert found.levels == ()
+    assert found.sentence.startswith("2.25 N per motor at full command and 15.00 V. ")
     assert "do not show how thrust depends on voltage" in found.sentence
