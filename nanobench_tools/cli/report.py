@@ -41,8 +41,9 @@ def report(options: Options) -> int:
     flights = recordings(options, results)
     synthetic = any(body.get("synthetic") for body in results.values())
     path = write_report(options.out, results, flights, {}, synthetic)
-    close(options, f"{path} ({path.stat().st_size / 1e6:.1f} MB, {len(flights)} "
-          f"recording{'s' * (len(flights) != 1)})", "see it", *shown_page(path))
+    drawn = f"pictures of {len(flights)} recording{'s' * (len(flights) != 1)}" if flights else (
+        "no pictures of recordings: give --data")
+    close(options, f"{path} ({path.stat().st_size / 1e6:.1f} MB, {drawn})", "see it", *shown_page(path))
     return options.exit_code()
 
 
