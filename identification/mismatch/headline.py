@@ -18,6 +18,9 @@ RULES = {
     "learning": f"every error after 0.1 and 0.5 s at most {LEARNING:g} times that of the best model of these flights"}
 LISTED = 3
 """Terms of a class that a headline lists."""
+WORSE = 1.1
+"""Times the error before the correction, from which on a headline reports another quantity that became worse."""
+QUANTITIES = {"velocity_m_s": "velocity", "attitude_rad": "attitude", "rate_rad_s": "rate"}
 USES = {"hover": "hover and position control", "mpc": "model-predictive control", "learning": "simulation for learning"}
 
 
@@ -55,12 +58,12 @@ def headline(body: Mapping[str, Any]) -> str:
     before, after = ((half.get(k) or {}).get("position_m") for k in ("before", "after"))
     flights = len(improvement.get("held_out") or [])
     where = f" on {flights} flight{'s' * (flights != 1)} left out" if flights else ""
-    names = ", ".join(f"{_one_of(f)} ({f['confidence']:.0%})" for f in body.get("findings") or [])
+    names = ", ".join(f"{one_of(f)} ({f['confidence']:.0%})" for f in body.get("findings") or [])
     beside = " and something no term describes" if body.get("unknown") else ""
     error = "" if before is None else f"; position error after 0.5 s {before:.3f} m{where}"
     if names:
         mended = "" if before is None or after is None else (
-            f"; position error after 0.5 s {before:.3f} -> {after:.3f} m{where}")
+            f"; position error after 0.5 s {before:.3f} -> {after:.3f} m{where}{_became_worse(half)}")
         return f"The simulator is wrong about {names}{beside}{mended}."
     return {"none": f"The simulator agrees with these flights as well as logging allows{error}.",
             "unknown": f"The simulator leaves out something that no term describes{error}.",
@@ -68,7 +71,15 @@ def headline(body: Mapping[str, Any]) -> str:
             }.get(body["outcome"], "Nothing can be said about physics.")
 
 
-def _one_of(finding: Mapping[str, Any]) -> str:
+def _became_worse(half: Mapping[str, Any]) -> str:
+    """Words for the quantities that the correction predicts worse, half a second ahead."""
+    before, after = (half.get(k) or {} for k in ("before", "after"))
+    worse = [word for q, word in QUANTITIES.items()
+             if before.get(q) and after.get(q) and after[q] > WORSE * before[q]]
+    return f", but {' and '.join(worse)} became worse" if worse else ""
+
+
+def one_of(finding: Mapping[str, Any]) -> str:
     """The term, and those that these flights cannot distinguish from it."""
     members = [finding["term"], *(finding.get("equivalent") or [])]
     rest = len(members) - LISTED

@@ -229,7 +229,7 @@ def _write_page(options: Options, verdict: Verdict, recordings: Recordings) -> N
 def verdict_screen(options: Options, body: Mapping[str, Any]) -> list[Grid | str]:
     """The outcome, what the simulator is good for, what was found with its interval, predictions of flights left out;
     without a finding the paragraph."""
-    from identification.mismatch.headline import uses
+    from identification.mismatch.headline import one_of, uses
 
     word, found = data_word(options), body.get("improvement") or {}
     rows = [(f"{entry['term']} {name.partition('.')[2]}", f"{p['believed']:.4g}", f"{p['value']:.4g}",
@@ -241,6 +241,8 @@ def verdict_screen(options: Options, body: Mapping[str, Any]) -> list[Grid | str
     return [f"{word} data, {body['outcome'].upper().replace('_', ' ')}. "
             + (uses(body["good_for"]) if body.get("good_for") else ""),
             Grid.plain("What the simulator leaves out", ("term", "simulator", "flights", "95 %", "unit", "sure"), rows),
+            "; ".join(f"{one_of(f)}: these flights cannot distinguish them" for f in body["findings"]
+                      if f["equivalent"]),
             Grid.plain(f"Prediction of {len(left)} flights left out" if (left := found.get("held_out")) else
                        "Prediction of the same flights, none left out",
                        ("after", "position m", "velocity m/s", "attitude rad", "rate rad/s"), steps),

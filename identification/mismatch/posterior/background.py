@@ -20,6 +20,7 @@ from ..space import Space
 from ..track import ROW_S
 from ..wrench import FORCE_ROWS, TORQUE_ROWS, Wrench
 from .effects import Effect
+from .unfollowed import gain_error
 
 FEATURES = count("posterior.background.features")
 PLACE_LENGTH = number("posterior.background.place_length")
@@ -248,5 +249,8 @@ def _logging(found: _Columns, wrench: Wrench, space: Space, effects: Sequence[Ef
         found.add(FIXED, DELAY_S * per_s * delay.force[..., :1], DELAY_S * per_s * delay.torque[..., :1])
     thrust = made[:, 2]
     slow = _by_track(wrench, thrust, lambda x: gaussian_filter1d(x, FAST_S / SAMPLE_S, mode="nearest"))
-    for column in (thrust - slow, thrust - thrust.mean()):
-        found.add(FIXED, SHAKE * _along_z(column[:, None]))
+    measured = wrench.measured[0][:, 2]
+    followed = measured - _by_track(wrench, measured, lambda x: gaussian_filter1d(x, FAST_S / SAMPLE_S, mode="nearest"))
+    noisy = gain_error(thrust - slow, followed, wrench.flight[wrench.force_at])
+    for share, column in ((max(SHAKE, noisy), thrust - slow), (SHAKE, thrust - thrust.mean())):
+        found.add(FIXED, share * _along_z(column[:, None]))

@@ -13,10 +13,11 @@ from nanobench_tools.physics.model import Slot
 from ..space import MAPS, Space
 from ..wrench import Wrench
 from .arm_unit import arms
-from .background import Background, background_of, rms, turning_size
+from .background import SHAKE, Background, background_of, rms, turning_size
 from .effects import Effect, effects_of, within_reach
 from .rows import Products, Rows, Seen, rows_of
 from .set_evidence import MEANS, Evidence
+from .unfollowed import gain_error
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ def build(wrench: Wrench, space: Space, simulator: Model, seed: int = 0) -> Case
                      for part in (force, torque * arm[None, :, None]) for k in range(3)])
     evidence = Evidence(effects, background, grams.of(np.ones(len(numbers), bool)), owner, unit, lower * unit,
                         upper * unit, _believed(wrench, space, effects, unit, arm), work, _varying(wrench, torque),
-                        arm, len(numbers), rows.by_set_points)
+                        arm, len(numbers), _gain_errors(wrench, residual[1], rows, work[3:]))
     return Case(wrench, space, simulator, effects, background, rows, beside, evidence, numbers, grams, arm)
 
 
@@ -93,6 +94,20 @@ def _varying(wrench: Wrench, torque: np.ndarray) -> np.ndarray:
                    np.zeros(torque.shape[1:]))
     varying = 1.0 - constant / np.maximum((torque**2).sum(0), 1e-12)
     return np.concatenate([np.ones(torque.shape[1:]), np.clip(varying, 0.0, 1.0)])
+
+
+def _gain_errors(wrench: Wrench, residual: np.ndarray, rows: Rows, work: np.ndarray) -> np.ndarray:
+    """(P,) share by which a gain from command to moment may be off, by column; work (3, P, P): of its moments.
+
+    Set-points are instruments: about their axes, gains are as certain as logging allows. About the others commands are
+    as reliable as the vehicle follows them.
+    """
+    flight, measured = wrench.flight[wrench.torque_at], wrench.measured[1]
+    by_axis = np.full(3, SHAKE)
+    for axis in set(range(3)) - rows.set_point_axes if len(measured) else ():
+        by_axis[axis] = max(SHAKE, gain_error((measured - residual)[:, axis], measured[:, axis], flight))
+    size = work.diagonal(axis1=1, axis2=2)
+    return np.asarray(np.sqrt(by_axis**2 @ size / np.maximum(size.sum(0), 1e-12)))
 
 
 def _believed(wrench: Wrench, space: Space, effects: Sequence[Effect], unit: np.ndarray,

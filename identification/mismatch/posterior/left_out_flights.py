@@ -23,7 +23,7 @@ MOST = number("posterior.left_out_flights.most")
 favour a sluggish vehicle."""
 KINDS = (slice(0, 2), slice(2, 4))
 """Of ``proof.QUANTITIES``: the path, and turning."""
-GAINS = (0.3, 2.0)
+GAINS = (0.02, 2.0)
 """Bounds of the gain from logged commands to turning."""
 JUDGED = slice(1, None)
 """Horizons that are judged: 0.1 and 0.5 s."""
@@ -67,7 +67,7 @@ class Predictions:
         shake between rows, and from such commands a sluggish vehicle predicts turning better than a right one.
         """
         ratio = np.log(np.maximum(self.of(other), 1e-9) / np.maximum(self.of(one), 1e-9))[:, JUDGED]
-        kinds = KINDS[:1] if self.case.rows.by_set_points else KINDS
+        kinds = KINDS[:1] if self.case.rows.set_point_axes else KINDS
         told = [ratio[:, :, kind].mean(axis=(1, 2)) for kind in kinds]
         each = np.sum([np.where(np.isfinite(part), part, 0.0) for part in told], axis=0)
         return float(np.clip(self.windows * each, -MOST, MOST).sum())

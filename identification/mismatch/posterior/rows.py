@@ -62,9 +62,11 @@ class ForceAxis:
 @dataclass(frozen=True)
 class Turning:
     """Instruments ``z`` (n, K) of one axis at rows ``at`` (n,) of G ``flights``, which share them; ``flight`` (n,): 0
-    .. G - 1. ``spread`` (G, K, K): covariance of the noise that the instruments let through in each."""
+    .. G - 1. ``together``: whether they are set-points. ``spread`` (G, K, K): covariance of the noise that the
+    instruments let through in each."""
 
     axis: int
+    together: bool
     flights: np.ndarray
     flight: np.ndarray
     at: np.ndarray
@@ -136,9 +138,9 @@ class Rows:
     excess: np.ndarray
 
     @property
-    def by_set_points(self) -> bool:
-        """Whether set-points of all flights are the instruments of the moments."""
-        return any(len(t.flights) > 1 for t in self.turnings)
+    def set_point_axes(self) -> set[int]:
+        """Axes about which set-points are the instruments of the moments."""
+        return {t.axis for t in self.turnings if t.together}
 
     def of(self, force: np.ndarray, torque: np.ndarray) -> Seen:
         """(N, 3, C) m/s^2 and (M, 3, C) rad/s^2."""
@@ -267,7 +269,7 @@ def _turnings(wrench: Wrench, residual: np.ndarray, columns: np.ndarray,
         groups = [_Group.of(part, flight, fine, z) for part in ([flown] if together else flown[:, None])]
         weight, left = np.ones(len(x)), x[:, -1]
         for _ in range(ROUNDS):
-            asked = [g.turning(axis, weight, left) for g in groups]
+            asked = [g.turning(axis, together, weight, left) for g in groups]
             whole = np.concatenate([t.asked(t.of(both), np.ones(len(numbers), bool)) for t in asked])
             left = x[:, -1] - x[:, :-1] @ _most_probable(whole, prior)
             spread = 1.4826 * float(np.median(np.abs(left))) or 1.0
@@ -295,10 +297,10 @@ class _Group:
         constants = (place[:, None] == np.arange(len(flights))).astype(float)
         return cls(flights, mine, place, at[mine], np.concatenate([constants, z[mine]], axis=1))
 
-    def turning(self, axis: int, weight: np.ndarray, left: np.ndarray) -> Turning:
+    def turning(self, axis: int, together: bool, weight: np.ndarray, left: np.ndarray) -> Turning:
         """Instruments with weighted rows; ``left`` is taken as the noise."""
         weighed = self.z * weight[self.mine, None]
-        return Turning(axis, self.flights, self.flight, self.at, weighed,
+        return Turning(axis, together, self.flights, self.flight, self.at, weighed,
                        _spread(weighed, left[self.mine], self.flight, len(self.flights)))
 
 

@@ -21,7 +21,7 @@ from scipy.special import ndtr
 
 from nanobench_tools.settings import count, number, setting
 
-from .background import FIXED, LEVELS, LIFT_OF_ALL, SHAKE, Background, rms, turning_size
+from .background import FIXED, LEVELS, LIFT_OF_ALL, Background, rms, turning_size
 from .effects import Effect
 
 SCALES: tuple[float, ...] = setting("posterior.set_evidence.scales")
@@ -33,9 +33,6 @@ SPIKE = number("posterior.set_evidence.spike")
 """m/s^2 by which every term may be wrong without being a finding."""
 LOOSE = number("posterior.set_evidence.loose")
 """Share of a believed term's contribution that may also be wrong."""
-LOOP = number("posterior.set_evidence.loop")
-"""The same for gains from command to moment where no set-points are logged: the controller answers disturbances, and
-gains then come out too small."""
 UNNAMED = number("posterior.set_evidence.unnamed")
 """Share of the discrepancy that may lie along any one slope."""
 MOST = count("posterior.set_evidence.most")
@@ -65,7 +62,7 @@ SHARED = {"frame_tilt": "tilt", "wind": "tilt", "force_world": "tilt", "thrust_s
 OFFSETS = tuple(term for term, level in SHARED.items() if level in ("tilt", "trim"))
 """Terms with an uncertainty that does not depend on their size; that of the others is a share of their contribution."""
 GAINS = ("inertia", "yaw_torque")
-"""Terms of the gain from command to moment, which commands that shake between rows change."""
+"""Terms of the gain from command to moment, which noisy commands change."""
 UNNAMED_GROUPS = ("place", "air", "thrust", "late", "turn_place", "turn_air", "turn_thrust", "yaw_place", "yaw_air",
                   "yaw_thrust")
 """Groups of the background that an effect may be confused with."""
@@ -78,7 +75,8 @@ class Evidence:
     ``gram`` (C, C) of whitened columns: P of the effects, Q of the background, the residual last. ``owner`` (P,):
     number of the effect of each column. ``unit`` (P,): m/s^2 of a column per unit of its direction. ``believed`` (P,):
     m/s^2 of the simulator's own term. ``work`` (6, P, P): inner products of the columns along each axis, force and
-    moment. ``varying`` (6, P): share of ``work``'s diagonal that is not constant. ``by_set_points``: as of ``Rows``.
+    moment. ``varying`` (6, P): share of ``work``'s diagonal that is not constant. ``gain_error`` (P,): share by which
+    the gain from commands to a moment may be off.
     """
 
     effects: Sequence[Effect]
@@ -93,7 +91,7 @@ class Evidence:
     varying: np.ndarray
     arm: np.ndarray
     flights: int = 1
-    by_set_points: bool = True
+    gain_error: np.ndarray = field(default_factory=lambda: np.zeros(0))
     amplitudes: dict[str, float] = field(default_factory=dict)
     spike: np.ndarray = field(default_factory=lambda: np.zeros(0))
     sets: dict[tuple[int, ...], float] = field(default_factory=dict)
@@ -224,8 +222,8 @@ class Evidence:
         feigned = UNNAMED * np.sqrt((along[:, None] ** 2 * share).sum(0))
         terms = [self.effects[i].term for i in self.owner]
         levels = np.array([_shared(t, self.amplitudes) for t in terms]) / np.sqrt(max(self.flights, 1))
-        gain = SHAKE if self.by_set_points else LOOP
-        loose = self.believed * [0.0 if t in OFFSETS else gain if t in GAINS else LOOSE for t in terms]
+        loose = self.believed * [0.0 if t in OFFSETS else g if t in GAINS else LOOSE
+                                 for t, g in zip(terms, self.gain_error, strict=True)]
         spike = np.sqrt(SPIKE**2 + loose**2 + feigned**2 + levels**2)
         twins = np.array([t in TWINS for t in terms], bool)
         self.amplitudes[LIFT_OF_ALL] = float(np.max(spike[twins], initial=0.0))

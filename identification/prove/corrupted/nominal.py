@@ -9,11 +9,9 @@ from typing import Any
 from identification.greybox.fit_windows import cases_of
 from identification.mismatch.believe import fit_along, start_of
 from identification.mismatch.recordings import Recordings
-from identification.prove.concealed import fit_simulators
+from identification.vehicle.vehicle_fit import fit_vehicle
 from nanobench_tools.flight import Flight
-from nanobench_tools.harness.runner import run_items
 from nanobench_tools.physics import Model, Vehicle
-from nanobench_tools.protocols.task1 import Split
 
 from .vehicles import VehicleSource
 
@@ -28,9 +26,8 @@ ON_COMMANDS = ("thrust_scale", "drag_linear", "motor_lag")
 def fit_nominal(source: VehicleSource, flights: Sequence[Flight], recordings: Recordings) -> Model:
     """The simulator of a vehicle, from its training flights as they were read and as a diagnosis sees them."""
     vehicle = source.vehicle
-    if source.fit == "greybox":
-        split = Split(cases_of(flights), [], "")
-        return fit_simulators(split, lambda items, title: run_items(items, title=title), 0, vehicle.mass_kg)[0]
+    if source.fit == "vehicle":
+        return fit_vehicle(cases_of(flights), vehicle).model
     start = start_of(vehicle)
     terms: tuple[str, ...]
     if vehicle.input == "thrust":

@@ -17,7 +17,8 @@ class VehicleSource:
     """One vehicle. ``folder``: below the root of the recordings; ``vehicle``: mass, input; ``train``, ``groups``,
     ``of_a_group``: flights that fit the nominal simulator, number of groups, and flights of each; ``label``: entry
     of ``labels.json`` that its flights have; ``estimated_pose``: the logged estimate, which motion capture fed, is
-    the pose; ``fit``: ``greybox`` (motor commands), ``along`` (forces and moments along the measured states);
+    the pose; ``fit``: ``vehicle`` (motor commands, as ``nanobench sysid``), ``along`` (forces and moments along the
+    measured states);
     ``credit``: source of the recordings."""
 
     name: str
@@ -33,7 +34,7 @@ class VehicleSource:
 
 
 VEHICLES = (
-    VehicleSource("nanobench", "nanobench/datasets/dataset", Vehicle(), 10, 4, 6, "greybox",
+    VehicleSource("nanobench", "nanobench/datasets/dataset", Vehicle(), 10, 4, 6, "vehicle",
                   "github syediu/nanobench-iros2026: brushed, motor commands at 100 Hz"),
     VehicleSource("brushless", "crazyflie_usd/brushless_flights", Vehicle(mass_kg=0.037, input="rpm"), 4, 2, 4, "along",
                   "github IMRCLab/crazyflie-data-collection: rotor speed at 500 Hz"),

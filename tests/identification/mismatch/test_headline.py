@@ -39,6 +39,10 @@ def test_headlines():
     alike = [{"term": "mass", "equivalent": ["thrust_scale", "wind", "force_world", "frame_tilt"], "confidence": 1.0}]
     assert "wrong about mass or thrust_scale or wind or 2 others (100%);" in headline({**body, "findings": alike})
     assert "something no term describes" in headline({**body, "unknown": {}} | {"unknown": {"hint": "x"}})
+    found = improvement(0.763)
+    worse = {**found["50"], "after": {"position_m": 0.05, "attitude_rad": 0.111}}
+    assert headline({**body, "improvement": {**found, "50": worse}}).endswith(
+        "2 flights left out, but attitude became worse.")
     quiet = {"outcome": "none", "findings": [], "unknown": None, "improvement": improvement(0.05, held_out=())}
     assert headline(quiet).endswith("position error after 0.5 s 0.050 m.")
     assert headline({"outcome": "insufficient", "improvement": None}) == "Nothing can be said about physics."

@@ -19,6 +19,7 @@ from identification.mismatch.posterior.background import FIXED, Background, four
 from identification.mismatch.posterior.effects import Effect, effects_of, within_reach
 from identification.mismatch.posterior.rows import Seen, _Group, _ridge, instruments
 from identification.mismatch.posterior.set_evidence import Evidence
+from identification.mismatch.posterior.unfollowed import gain_error
 from identification.mismatch.space import space_around
 from identification.mismatch.wrench import TORQUE_ROWS, Wrench
 from nanobench_tools.physics import Model, Vehicle
@@ -94,7 +95,7 @@ def small_case(seed: int = 0):
     background = Background(np.zeros((1, 3, 1)), np.zeros((0, 3, 1)), np.array([FIXED]))
     work = np.stack([np.eye(2)] * 6)
     case = Evidence(effects, background, values.T @ values, np.arange(2), np.ones(2), np.full(2, -9.0),
-                    np.full(2, 9.0), np.zeros(2), work, np.zeros(2), np.ones(3))
+                    np.full(2, 9.0), np.zeros(2), work, np.zeros(2), np.ones(3), gain_error=np.zeros(2))
     case.spike = np.array([0.1, 0.2])
     case._reduce()
     return case, columns, y
@@ -139,7 +140,7 @@ def test_set_points_find_the_gain_that_feedback_and_noisy_inputs_hide():
     asked, command, moment, flight = closed_loop()
     assert command @ moment / (command @ command) < 2.2
     group = _Group.of(np.arange(6), flight, np.arange(len(flight)), asked[:, None])
-    turning = group.turning(0, np.ones(len(flight)), moment - 3.0 * command)
+    turning = group.turning(0, True, np.ones(len(flight)), moment - 3.0 * command)
     columns = np.stack([command, moment], axis=1)[:, None]
     every = np.ones(6, bool)
     whole = turning.asked(turning.of(columns), every)
@@ -152,10 +153,25 @@ def test_set_points_find_the_gain_that_feedback_and_noisy_inputs_hide():
     keep = np.array([True, False, True, True, False, True])
     mine = keep[flight]
     alone = _Group.of(np.arange(4), np.searchsorted(np.flatnonzero(keep), flight[mine]), np.arange(int(mine.sum())),
-                      asked[mine, None]).turning(0, np.ones(int(mine.sum())), (moment - 3.0 * command)[mine])
+                      asked[mine, None]).turning(0, True, np.ones(int(mine.sum())), (moment - 3.0 * command)[mine])
     want = alone.asked(alone.of(columns[mine]), np.ones(4, bool))
     found = turning.asked(turning.of(columns), keep)
     assert found.T @ found == pytest.approx(want.T @ want, rel=0.05)
+
+
+def test_the_error_of_a_gain_covers_what_noise_of_the_command_takes_from_it():
+    """Least squares against a gain of 1 that is known: its error is within two standard deviations, with noise that
+    takes 20 % and 80 % of the gain, and a mean that differs between flights changes nothing."""
+    rng, flight = np.random.default_rng(3), np.repeat(np.arange(4), 2000)
+    true = rng.normal(size=len(flight))
+    for noise in (0.5, 2.0):
+        command = true + noise * rng.normal(size=len(flight))
+        gain = command @ true / (command @ command)
+        error = gain_error(command, true, flight)
+        assert 1.0 - gain == pytest.approx(noise**2 / (1.0 + noise**2), abs=0.03)
+        assert 1.0 - gain < 2.0 * error < 2.0
+        assert gain_error(command + 5.0 * flight, true - 3.0 * flight, flight) == pytest.approx(error)
+    assert gain_error(np.zeros(8), np.arange(8.0), np.zeros(8)) == pytest.approx(3.0**-0.5)
 
 
 def test_columns_of_both_stand_beside_each_other():
