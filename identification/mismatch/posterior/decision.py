@@ -14,7 +14,7 @@ from ..space import reduced
 from ..wrench import CHANNELS
 from .background import FORCES, MOMENTS, rms, turning_size
 from .build import Case, rest_of
-from .sizing import INSIDE, Refined, on_map, parts_of
+from .sizing import CERTAIN, INSIDE, Refined, on_map, parts_of
 from .weighing import Weighing
 
 NAMED = number("posterior.decision.named")
@@ -192,10 +192,11 @@ def _size_of(case: Case, which: int, found: Refined) -> float:
 
 
 def _on_bound(case: Case, which: int, found: Refined) -> bool:
-    """Whether a size ended at a bound, other than that where the term has no effect."""
-    effect, part = case.effects[which], dict(parts_of(case, found.chosen, found.step))[which]
+    """Whether the flights require a size outside a bound, other than that where the term has no effect."""
+    effect, (part, beyond) = case.effects[which], (
+        dict(parts_of(case, found.chosen, values))[which] for values in (found.step, found.beyond))
     at = (((part <= INSIDE * effect.lower) & (effect.lower < 0.0))
-          | ((part >= INSIDE * effect.upper) & (effect.upper > 0.0)))
+          | ((part >= INSIDE * effect.upper) & (effect.upper > 0.0))) & (beyond >= CERTAIN)
     slots = {slot.name: slot for slot in case.space.model.slots}
     before, after = case.space.model.parameters, found.model.parameters
     for name, way in effect.moves.items():

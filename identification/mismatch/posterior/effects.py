@@ -14,6 +14,7 @@ from ..diagnosis import ANOTHER
 from ..space import LEVEL, MAPS, Space, fixed_mean, scales, space_of_other_map
 from ..track import joined
 from ..wrench import Wrench
+from .thrust_exponent import Curve
 
 STARTS: dict[str, tuple[float, ...]] = setting("posterior.effects.starts")
 """Of parameters that act far from linearly: sizes at which an effect is tried, in the parameter's unit."""
@@ -86,7 +87,8 @@ def effects_of(wrench: Wrench, space: Space, simulator: Model) -> list[Effect]:
         names = [model.names[i] for i in free]
         if term in MAPS:
             whole = secant(model.index("thrust_scale.s"), STEP)
-            found += _of_map(term, [secant(int(i), STEP * sizes[i]) for i in free], names, whole)
+            pairs = [secant(int(i), STEP * sizes[i]) for i in free]
+            found += _of_map(term, pairs, names, whole, Curve.of(wrench, model, term))
         elif any(_place(n) in STARTS for n in names) or any(n.startswith("saturation.") for n in names):
             found += _far(wrench, model, term, free, here, term in space.believed)
         elif any(fixed_mean(model)[i] for i in free):
@@ -206,7 +208,7 @@ def _of_list(term: str, pairs: Sequence[Pair], names: Sequence[str], model: Mode
     return Effect(term, force @ way, torque @ way, dict(zip(names, way, strict=True)), -wide, wide)
 
 
-def _of_map(term: str, pairs: Sequence[Pair], names: Sequence[str], whole: Pair) -> list[Effect]:
+def _of_map(term: str, pairs: Sequence[Pair], names: Sequence[str], whole: Pair, curve: Curve) -> list[Effect]:
     """The shape of a thrust map: independent directions of its coefficients, without thrust as a whole (``whole``)."""
     force, torque = _stacked(pairs)
     flat, level = force.reshape(-1, force.shape[2]), whole[0].ravel()
@@ -214,10 +216,10 @@ def _of_map(term: str, pairs: Sequence[Pair], names: Sequence[str], whole: Pair)
     _, size, right = np.linalg.svd(flat - np.outer(level, share), full_matrices=False)
     keep = size > DISTINCT * size[0]
     ways = right[keep].T / (size[keep] / np.sqrt(len(force)))
-    limit = np.full(int(keep.sum()), np.inf)
+    lower, upper = np.array([curve.room(way) for way in ways.T]).T
     force, torque = (part @ ways - all_of_it[..., None] * (share @ ways)
                      for part, all_of_it in zip((force, torque), whole, strict=True))
-    return [Effect(term, force, torque, dict(zip(names, ways, strict=True)), -limit, limit)]
+    return [Effect(term, force, torque, dict(zip(names, ways, strict=True)), lower, upper)]
 
 
 def _other_map(wrench: Wrench, model: Model, other: Model, here: Pair) -> Effect:

@@ -21,6 +21,7 @@ from scipy.special import ndtr
 
 from nanobench_tools.settings import count, number, setting
 
+from ..space import MAPS
 from .background import FIXED, LEVELS, LIFT_OF_ALL, Background, rms, turning_size
 from .effects import Effect
 
@@ -59,6 +60,8 @@ TWINS = ("mass", "thrust_scale")
 SHARED = {"frame_tilt": "tilt", "wind": "tilt", "force_world": "tilt", "thrust_scale": "lift", "mass": "lift",
           "thrust_voltage": "lift", "thrust_pwm": "lift", "com_offset": "trim", "motor_imbalance": "trim"}
 """Term -> per-flight offset. A change that all flights share has to exceed the scatter of this offset."""
+RANGE = 6.0
+"""Standard deviations between the least and the largest exponent of a thrust map (``thrust_exponent``)."""
 OFFSETS = tuple(term for term, level in SHARED.items() if level in ("tilt", "trim"))
 """Terms with an uncertainty that does not depend on their size; that of the others is a share of their contribution."""
 GAINS = ("inertia", "yaw_torque")
@@ -224,6 +227,10 @@ class Evidence:
         levels = np.array([_shared(t, self.amplitudes) for t in terms]) / np.sqrt(max(self.flights, 1))
         loose = self.believed * [0.0 if t in OFFSETS else g if t in GAINS else LOOSE
                                  for t, g in zip(terms, self.gain_error, strict=True)]
+        width = self.upper - self.lower
+        shape = np.array([t in MAPS and not self.effects[i].map_share
+                          for i, t in zip(self.owner, terms, strict=True)]) & np.isfinite(width)
+        loose[shape] = width[shape] / RANGE
         spike = np.sqrt(SPIKE**2 + loose**2 + feigned**2 + levels**2)
         twins = np.array([t in TWINS for t in terms], bool)
         self.amplitudes[LIFT_OF_ALL] = float(np.max(spike[twins], initial=0.0))

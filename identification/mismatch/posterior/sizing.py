@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import truncnorm
 
 from nanobench_tools.physics import Model
 
@@ -20,6 +21,8 @@ STEPS, NEAR = 8, 0.1
 WIDE = 3.0
 """Times a size: the least standard deviation of its prior where it is estimated, so that it is not shrunk towards the
 simulator."""
+CERTAIN = 1.96
+"""Standard deviations outside a bound, from which on the flights contradict it."""
 INSIDE = 0.98
 """Share of its room that an effect may take."""
 
@@ -29,7 +32,8 @@ class Refined:
     """Sizes of a set: ``step`` (k,) in directions of its effects, ``covariance`` (k, k), and the model at that step.
 
     A fit without some flights starts near that step, at ``at`` (k,). ``across``: ``Case.across`` of the slopes there,
-    per m/s^2, with the residual last.
+    per m/s^2, with the residual last. ``beyond`` (k,): standard deviations by which the most probable coefficient lies
+    outside its bounds, negative inside.
     """
 
     chosen: tuple[int, ...]
@@ -39,14 +43,15 @@ class Refined:
     at: np.ndarray
     across: Products | None
     slab: np.ndarray
+    beyond: np.ndarray
 
     def without(self, case: Case, flights: Sequence[int]) -> np.ndarray:
         """The step on the other flights."""
         if self.across is None:
             return self.step
         unit = case.evidence.unit[case.evidence.columns(self.chosen)]
-        found, _ = _solved(case, self.chosen, self.across, self.slab, self.at * unit, flights)
-        return _inside(case, self.chosen, found / unit)
+        found, covariance = _solved(case, self.chosen, self.across, self.slab, self.at * unit, flights)
+        return _expected(case, self.chosen, found / unit, covariance / unit[:, None] / unit)[0]
 
 
 def _solved(case: Case, chosen: tuple[int, ...], across: Products, slab: np.ndarray, at: np.ndarray,
@@ -63,7 +68,8 @@ def refine(case: Case, chosen: tuple[int, ...]) -> Refined:
     from linearly."""
     evidence = case.evidence
     if not chosen:
-        return Refined((), np.zeros(0), np.zeros((0, 0)), case.space.model, np.zeros(0), None, np.zeros(0))
+        return Refined((), np.zeros(0), np.zeros((0, 0)), case.space.model, np.zeros(0), None, np.zeros(0),
+                       np.zeros(0))
     _, scaled, slab = evidence.weighed(chosen)
     slab = np.minimum(np.maximum(slab, WIDE * np.abs(scaled)), evidence.room[evidence.columns(chosen)])
     unit = evidence.unit[evidence.columns(chosen)]
@@ -78,13 +84,30 @@ def refine(case: Case, chosen: tuple[int, ...]) -> Refined:
     scatter = np.array([evidence.amplitudes[LIFT_OF_ALL] * (case.effects[i].term in TWINS)
                         for i in chosen for _ in range(case.effects[i].width)])
     covariance = covariance + np.diag(scatter**2)
-    return Refined(chosen, step, covariance / unit[:, None] / unit, moved_by(case, chosen, step), at, across, slab)
+    covariance = covariance / unit[:, None] / unit
+    step, beyond = _expected(case, chosen, moved / unit, covariance)
+    return Refined(chosen, step, covariance, moved_by(case, chosen, step), at, across, slab, beyond)
+
+
+def _bounds(case: Case, chosen: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    lower, upper = (np.concatenate([getattr(case.effects[i], side) for i in chosen]) for side in ("lower", "upper"))
+    return INSIDE * lower, INSIDE * upper
 
 
 def _inside(case: Case, chosen: tuple[int, ...], step: np.ndarray) -> np.ndarray:
-    lower = np.concatenate([case.effects[i].lower for i in chosen])
-    upper = np.concatenate([case.effects[i].upper for i in chosen])
-    return np.asarray(np.clip(step, INSIDE * lower, INSIDE * upper))
+    return np.asarray(np.clip(step, *_bounds(case, chosen)))
+
+
+def _expected(case: Case, chosen: tuple[int, ...], step: np.ndarray,
+              covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Means of coefficients (k,) whose distribution ends at the bounds, and how many standard deviations the most
+    probable ones lie outside."""
+    lower, upper = _bounds(case, chosen)
+    sd = np.sqrt(np.diag(covariance))
+    low, high = (lower - step) / sd, (upper - step) / sd
+    mean = truncnorm.mean(low, high, loc=step, scale=sd)
+    beyond = np.maximum(low, -high)
+    return np.where(np.isfinite(mean) & (beyond < CERTAIN), mean, np.clip(step, lower, upper)), beyond
 
 
 def parts_of(case: Case, chosen: tuple[int, ...], step: np.ndarray) -> list[tuple[int, np.ndarray]]:
