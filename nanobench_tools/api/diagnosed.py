@@ -106,7 +106,7 @@ Believed = Model | VehicleModel | Callable[..., Any] | str | os.PathLike[str] | 
 
 @speaks_python
 def diagnose(flights: Flight | Iterable[Flight], simulator: Believed, seed: int = 0,
-             mass_kg: float = 0.04085, engine: str = "auto") -> Diagnosis:
+             mass_kg: float = 0.04085, engine: str = "posterior") -> Diagnosis:
     """Compares a simulator with flights: omitted effects, their size and confidence, and what correcting them gains.
 
     - simulator: a model that ``nb.fit`` gave, a ``Model``, or the path of a simulator.toml. A callable
@@ -114,8 +114,7 @@ def diagnose(flights: Flight | Iterable[Flight], simulator: Believed, seed: int 
       simulator made, as flights or as their folder.
     - mass_kg: mass that a callable, or a simulator known by its flights, was given; flights show only thrust over
       mass.
-    - engine: "rules", or "posterior", which weighs every set of up to three effects. "auto": rules where moments are
-      compared through set-points, else posterior.
+    - engine: "posterior", which weighs every set of up to three effects, or the older "rules".
 
     A wandering clock is re-timed and faults of the data are left out first. InputError for recordings of a vehicle
     with another number of rotors.

@@ -57,13 +57,13 @@ class BlindProof:
 
 @speaks_python
 def prove(cases: int = 200, kind: Sequence[str] = (), engine: str = "both", seed: int = 0,
-          diagnosed_by: str = "auto") -> BlindProof:
+          diagnosed_by: str = "posterior") -> BlindProof:
     """Diagnoses SYNTHETIC cases whose truth is sealed until the last verdict, and scores the verdicts.
 
     kind: null, single, twin, pair, fault, change, foreign (empty: all, in fixed shares).
 
-    engine: the simulator that flies the cases, ``practice``, ``rotorpy`` or ``both``. diagnosed_by: "rules",
-    "posterior", or "auto", which is one of them by the recordings.
+    engine: the simulator that flies the cases, ``practice``, ``rotorpy`` or ``both``. diagnosed_by: "posterior"
+    or "rules".
 
     Raises UsageError for an unknown kind, engine or method. Recordings instead of cases:
     ``nanobench prove --concealed``, ``--real``.

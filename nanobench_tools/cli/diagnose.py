@@ -63,8 +63,8 @@ CODE = "simulators_corrected"
 @click.option("--nothing-added", is_flag=True,
               help="With --normal: nothing was put onto the vehicle or hung from it since.")
 @click.option("--engine", type=click.Choice(ENGINES), default=ENGINES[0], show_default=True,
-              help="What decides: rules, or the probability of every set of up to three effects. auto: the rules where "
-                   "moments are compared through set-points, else the probability. docs/mismatch.md compares them.")
+              help="What decides: the probability of every set of up to three effects, or the older rules. "
+                   "docs/mismatch.md compares them.")
 @click.option("--bound", is_flag=True,
               help="Also train a network on what the simulator leaves (extra learned; a minute more): how much better "
                    "anything could predict these flights.")

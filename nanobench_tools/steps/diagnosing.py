@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..physics import Model, Vehicle
     from ..physics.adapters.given import Simulator
 
-ENGINES = ("auto", "rules", "posterior")
+ENGINES = ("posterior", "rules")
 """Engines of a verdict; the first is the default, and is one of the others, by the recordings."""
 
 
@@ -84,19 +84,18 @@ def check_possible(model: Model, place: str) -> None:
 
 def engine_of(name: str) -> Callable[..., Verdict]:
     """What diagnoses, by name: one of ``ENGINES``."""
-    from identification.mismatch.default_engine import by_posterior, by_rules
-    from identification.mismatch.default_engine import diagnose as by_default
+    from identification.mismatch.diagnosis import diagnose as by_rules
+    from identification.mismatch.posterior.posterior_engine import diagnose as by_posterior
 
-    return {"auto": by_default, "rules": by_rules, "posterior": by_posterior}[name]
+    return {"rules": by_rules, "posterior": by_posterior}[name]
 
 
 def engine_of_flights(name: str) -> Callable[..., dict[str, Any]]:
     """What diagnoses recordings as they were read, by name: one of ``ENGINES``; its verdict as of verdict.json."""
-    from identification.mismatch.default_engine import diagnose_flights as by_default
     from identification.mismatch.diagnosis import diagnose_flights as by_rules
     from identification.mismatch.posterior.posterior_engine import diagnose_flights as by_posterior
 
-    return {"auto": by_default, "rules": by_rules, "posterior": by_posterior}[name]
+    return {"rules": by_rules, "posterior": by_posterior}[name]
 
 
 def against_model(options: Options, recordings: Recordings, model: Model, place: str = "simulator",

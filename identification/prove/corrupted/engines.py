@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from identification.mismatch import default_engine, diagnosis
+from identification.mismatch import diagnosis
 from identification.mismatch.posterior import posterior_engine as posterior
 from identification.mismatch.recordings import Recordings
 from identification.mismatch.verdict import Verdict
@@ -38,11 +38,6 @@ def _content(verdict: Verdict) -> Mapping[str, Any]:
     return {**verdict.to_json(), "corrected": None if verdict.corrected is None else as_json(verdict.corrected)}
 
 
-def by_default(recordings: Recordings, simulator: Model, seed: int) -> Mapping[str, Any]:
-    """The verdict of ``identification.mismatch.default_engine``."""
-    return _content(default_engine.diagnose(recordings, simulator, seed=seed))
-
-
 def by_rules(recordings: Recordings, simulator: Model, seed: int) -> Mapping[str, Any]:
     """The verdict of ``identification.mismatch.diagnosis``."""
     return _content(diagnosis.diagnose(recordings, simulator, seed=seed))
@@ -55,7 +50,6 @@ def by_posterior(recordings: Recordings, simulator: Model, seed: int) -> Mapping
 
 WITH_POSTERIOR = (*CODE, "identification/mismatch/posterior/*", "nanobench_tools/settings/values/posterior.toml")
 OF_THIS_PROJECT: dict[str, tuple[Diagnose, tuple[str, ...]]] = {
-    "auto": (by_default, WITH_POSTERIOR),
     "rules": (by_rules, CODE),
     "posterior": (by_posterior, WITH_POSTERIOR),
 }

@@ -11,8 +11,8 @@ from many_rotors import flights_of, model_of
 from identification.mismatch.along import paths
 from identification.mismatch.believe import beliefs
 from identification.mismatch.commanded import UNASKED, believed, turning, with_attitude
-from identification.mismatch.default_engine import diagnose_flights
 from identification.mismatch.diagnosis import recorded
+from identification.mismatch.posterior.posterior_engine import diagnose_flights
 from identification.mismatch.recordings import Recordings
 from identification.mismatch.track import Track
 from nanobench_tools import so3

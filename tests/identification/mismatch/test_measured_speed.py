@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from many_rotors import flights_of, model_of
 
-from identification.mismatch.default_engine import diagnose_flights
 from identification.mismatch.diagnosis import recorded
 from identification.mismatch.measured_speed import of_speed, with_speed
+from identification.mismatch.posterior.posterior_engine import diagnose_flights
 from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Fault, make_stream

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from many_rotors import flights_of, model_of, vehicle_of
 
-from identification.mismatch.default_engine import diagnose_flights
 from identification.mismatch.diagnosis import recorded
+from identification.mismatch.posterior.posterior_engine import diagnose_flights
 from identification.mismatch.size import growth, heavier, wider
 from identification.mismatch.space import scales, space_around
 from nanobench_tools.errors import InputError

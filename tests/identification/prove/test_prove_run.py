@@ -9,7 +9,6 @@ from types import SimpleNamespace
 import pytest
 
 import nanobench_tools as nb
-from identification.mismatch import default_engine
 from identification.mismatch.posterior import posterior_engine
 from identification.prove import blind_proof as proof
 from identification.prove.plan import plan_cases
@@ -57,7 +56,7 @@ def told(s):
 def not_flown(monkeypatch, tmp_path):
     monkeypatch.setattr(proof, "make_cases", made)
     monkeypatch.setattr(proof, "keep", lambda case, folder: None)
-    monkeypatch.setattr(default_engine, "diagnose_flights", silent)
+    monkeypatch.setattr(posterior_engine, "diagnose_flights", silent)
     monkeypatch.setenv("NANOBENCH_CACHE", str(tmp_path / "cache"))
     proof._flown.clear()
     ASKED.clear()
@@ -128,7 +127,7 @@ def test_what_diagnoses_can_be_chosen(monkeypatch, capsys):
     monkeypatch.setattr(posterior_engine, "diagnose_flights", another)
     nb.prove(2, kind="null", engine="practice", seed=2, diagnosed_by="posterior")
     assert ASKED.count("another") == 2
-    with pytest.raises(UsageError, match="give one of auto, rules, posterior"):
+    with pytest.raises(UsageError, match="give one of posterior, rules"):
         nb.prove(2, diagnosed_by="a look")
     assert main(["prove", "--corrupted", "--engine", "rules", "--diagnosed-by", "posterior"]) == 2
     assert "give --diagnosed-by or --engine" in capsys.readouterr().err
