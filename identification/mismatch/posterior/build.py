@@ -17,6 +17,7 @@ from .background import SHAKE, Background, background_of, rms, turning_size
 from .effects import Effect, effects_of, within_reach
 from .rows import Products, Rows, Seen, rows_of
 from .set_evidence import MEANS, Evidence
+from .thrust_spread import thrust_spread
 from .unfollowed import gain_error
 
 
@@ -83,7 +84,8 @@ def build(wrench: Wrench, space: Space, simulator: Model, seed: int = 0) -> Case
                      for part in (force, torque * arm[None, :, None]) for k in range(3)])
     evidence = Evidence(effects, background, grams.of(np.ones(len(numbers), bool)), owner, unit, lower * unit,
                         upper * unit, _believed(wrench, space, effects, unit, arm), work, _varying(wrench, torque),
-                        arm, len(numbers), _gain_errors(wrench, residual[1], rows, work[3:]))
+                        arm, len(numbers), _gain_errors(wrench, residual[1], rows, work[3:]),
+                        thrust_spread(simulator.vehicle))
     return Case(wrench, space, simulator, effects, background, rows, beside, evidence, numbers, grams, arm)
 
 

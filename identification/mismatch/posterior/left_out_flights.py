@@ -15,6 +15,7 @@ from ..proof import FOLDS, HORIZONS, QUANTITIES, prediction_errors, relative_int
 from ..track import ROW_S
 from .build import Case
 from .sizing import Refined, moved_by, on_map, parts_of, refine
+from .thrust_spread import thrust_spread
 
 WINDOW_S = number("posterior.left_out_flights.window_s")
 """Seconds of flight that hold one independent prediction."""
@@ -119,7 +120,10 @@ def _own_offsets(case: Case, chosen: tuple[int, ...], step: np.ndarray, model: M
     made = wrench.measured[1] - torque
     turned = np.array([np.median(torque[by_torque == f] + (1.0 - g) * made[by_torque == f], axis=0)
                        if len(torque) else np.zeros(3) for f, g in zip(case.flights, gain, strict=True)])
-    pushed, turned = pushed - pushed.mean(0), turned - turned.mean(0)
+    day = thrust_spread(model.vehicle)
+    shared = pushed.mean(0)
+    shared[2] -= np.clip(shared[2], -day, day)  # what sessions differ by anyway
+    pushed, turned = pushed - shared, turned - turned.mean(0)
     found = []
     weight = model.vehicle.gravity_m_s2
     values = model.parameters

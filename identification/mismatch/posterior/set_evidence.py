@@ -79,7 +79,7 @@ class Evidence:
     number of the effect of each column. ``unit`` (P,): m/s^2 of a column per unit of its direction. ``believed`` (P,):
     m/s^2 of the simulator's own term. ``work`` (6, P, P): inner products of the columns along each axis, force and
     moment. ``varying`` (6, P): share of ``work``'s diagonal that is not constant. ``gain_error`` (P,): share by which
-    the gain from commands to a moment may be off.
+    the gain from commands to a moment may be off. ``lift_spread``: m/s^2, of the thrust of all flights.
     """
 
     effects: Sequence[Effect]
@@ -95,6 +95,7 @@ class Evidence:
     arm: np.ndarray
     flights: int = 1
     gain_error: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    lift_spread: float = 0.0
     amplitudes: dict[str, float] = field(default_factory=dict)
     spike: np.ndarray = field(default_factory=lambda: np.zeros(0))
     sets: dict[tuple[int, ...], float] = field(default_factory=dict)
@@ -225,6 +226,7 @@ class Evidence:
         feigned = UNNAMED * np.sqrt((along[:, None] ** 2 * share).sum(0))
         terms = [self.effects[i].term for i in self.owner]
         levels = np.array([_shared(t, self.amplitudes) for t in terms]) / np.sqrt(max(self.flights, 1))
+        levels = np.hypot(levels, [self.lift_spread * (t in TWINS) for t in terms])
         loose = self.believed * [0.0 if t in OFFSETS else g if t in GAINS else LOOSE
                                  for t, g in zip(terms, self.gain_error, strict=True)]
         width = self.upper - self.lower

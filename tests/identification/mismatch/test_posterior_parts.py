@@ -15,10 +15,11 @@ from identification.mismatch.memory import runs_of
 from identification.mismatch.page import GOES_WITH
 from identification.mismatch.posterior import decision, set_evidence
 from identification.mismatch.posterior.arm_unit import arms
-from identification.mismatch.posterior.background import FIXED, Background, fourier
+from identification.mismatch.posterior.background import FIXED, LIFT_OF_ALL, Background, fourier
 from identification.mismatch.posterior.effects import Effect, effects_of, within_reach
 from identification.mismatch.posterior.rows import Seen, _Group, _ridge, instruments
 from identification.mismatch.posterior.set_evidence import Evidence
+from identification.mismatch.posterior.thrust_exponent import Curve
 from identification.mismatch.posterior.unfollowed import gain_error
 from identification.mismatch.space import space_around
 from identification.mismatch.wrench import TORQUE_ROWS, Wrench
@@ -84,18 +85,19 @@ def test_what_differs_by_less_than_physics_without_a_name_cannot_be_distinguishe
     assert decision._alike(case, SimpleNamespace(chosen=(0,), step=np.ones(1)), 0, {"air": left_m_s2}) == alike
 
 
-def small_case(seed: int = 0):
+def small_case(seed: int = 0, terms: tuple[str, str] = ("wind", "inflow"), lift_spread: float = 0.0):
     """Two effects and one background column on 30 rows of unit noise; truth: the first effect, 0.8."""
     rng = np.random.default_rng(seed)
     columns = rng.normal(size=(30, 3)) * [1.0, 1.0, 2.0]
     y = 0.8 * columns[:, 0] + 0.3 * columns[:, 2] + rng.normal(size=30)
     values = np.concatenate([columns, y[:, None]], axis=1)
     effects = [Effect(t, np.zeros((1, 3, 1)), np.zeros((0, 3, 1)), {}, np.array([-9.0]), np.array([9.0]))
-               for t in ("wind", "inflow")]
+               for t in terms]
     background = Background(np.zeros((1, 3, 1)), np.zeros((0, 3, 1)), np.array([FIXED]))
     work = np.stack([np.eye(2)] * 6)
     case = Evidence(effects, background, values.T @ values, np.arange(2), np.ones(2), np.full(2, -9.0),
-                    np.full(2, 9.0), np.zeros(2), work, np.zeros(2), np.ones(3), gain_error=np.zeros(2))
+                    np.full(2, 9.0), np.zeros(2), work, np.zeros(2), np.ones(3), gain_error=np.zeros(2),
+                    lift_spread=lift_spread)
     case.spike = np.array([0.1, 0.2])
     case._reduce()
     return case, columns, y
@@ -157,6 +159,21 @@ def test_set_points_find_the_gain_that_feedback_and_noisy_inputs_hide():
     want = alone.asked(alone.of(columns[mine]), np.ones(4, bool))
     found = turning.asked(turning.of(columns), keep)
     assert found.T @ found == pytest.approx(want.T @ want, rel=0.05)
+
+
+def test_thrust_may_differ_from_session_to_session_without_being_a_finding():
+    for spread in (0.0, 0.2):
+        case, _, _ = small_case(terms=("mass", "inflow"), lift_spread=spread)
+        case.learn()
+        assert case.amplitudes[LIFT_OF_ALL] == pytest.approx(np.hypot(0.01, spread))
+
+
+@pytest.mark.parametrize(("exponent", "down", "up"), [(2.0, 1.65, 2.6), (2.9, 1.65, 2.91), (1.2, 1.19, 2.6)])
+def test_a_thrust_map_keeps_the_exponent_of_a_rotor(exponent, down, up):
+    """thrust = t + u + (a - t) u^3 at u = 1 has the exponent (1 + 3 (a - t)) / (1 + a). The simulator's own may stay."""
+    a = (exponent - 1.0) / (3.0 - exponent)
+    room = Curve(np.array([0.0, 1.0, 0.0, a]), 1.0, (1.65, 2.6)).room(np.array([1.0, 0.0, 0.0, -1.0]))
+    assert [(1.0 + 3.0 * (a - t)) / (1.0 + a) for t in room] == pytest.approx([up, down])
 
 
 def test_the_error_of_a_gain_covers_what_noise_of_the_command_takes_from_it():
