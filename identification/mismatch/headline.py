@@ -65,6 +65,10 @@ def headline(body: Mapping[str, Any]) -> str:
         mended = "" if before is None or after is None else (
             f"; position error after 0.5 s {before:.3f} -> {after:.3f} m{where}{_became_worse(half)}")
         return f"The simulator is wrong about {names}{beside}{mended}."
+    leaning = body.get("leaning") or {}
+    if body["outcome"] == "none" and leaning:
+        most = max(leaning, key=lambda t: leaning[t])
+        return f"No effect is sure enough to be identified; the most probable is {most} ({leaning[most]:.0%}){error}."
     return {"none": f"The simulator agrees with these flights as well as logging allows{error}.",
             "unknown": f"The simulator leaves out something that no term describes{error}.",
             "data_fault": "The data are at fault; nothing is said about physics.",

@@ -12,8 +12,9 @@ from nanobench_tools.settings import number
 
 from ..space import reduced
 from ..wrench import CHANNELS
-from .background import FORCES, MOMENTS, rms, turning_size
+from .background import FORCES, MOMENTS, turning_size
 from .build import Case, rest_of
+from .set_evidence import FAMILIES
 from .sizing import CERTAIN, INSIDE, Refined, on_map, parts_of
 from .weighing import Weighing
 
@@ -105,10 +106,11 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
         rejected |= dict.fromkeys(beyond, BEYOND)
         case.give_up(beyond)
     discrepancy = unexplained(case, weighing.sizes(best))
-    kinds = {i: _class_of(weighing, best, i) | _alike(case, weighing.sizes(best), i, discrepancy) for i in best}
+    by_term = _by_term(case, posterior)
+    kinds = {i: _class_of(weighing, best, i) | _alike(case, weighing.sizes(best), i, discrepancy)
+             | _of_family(case.effects[i].term, by_term) for i in best}
     sure = {i: sum(p for s, p in posterior.items()
                    if {evidence.effects[j].term for j in s} & set(kinds[i])) for i in best}
-    by_term = _by_term(case, posterior)
     found = _standing(weighing, tuple(i for i in best if sure[i] >= NAMED), rejected)
     if again is not None and len(found.chosen) > 1:
         first = max(found.chosen, key=lambda i: _size_of(case, i, found))
@@ -146,13 +148,18 @@ def _standing(weighing: Weighing, chosen: tuple[int, ...], rejected: dict[str, s
 
 def unexplained(case: Case, found: Refined) -> dict[str, float]:
     """m/s^2 RMS by group of the discrepancy: the part that no effect explains, given a set at its sizes."""
+    return case.evidence.sizes_of(_background(case, found))
+
+
+def _background(case: Case, found: Refined) -> np.ndarray:
+    """(Q,) coefficients of the background, given a set at its sizes."""
     evidence = case.evidence
     if found.across is None:
-        return evidence.sizes_of(evidence.everything(())[evidence.P:])
+        return np.asarray(evidence.everything(())[evidence.P:])
     across = found.across.of(np.ones(len(case.flights), bool))[:case.beside_all.many]
     moved = (found.step - found.at) * evidence.unit[evidence.columns(found.chosen)]
     mean = evidence.mean_of(across[:, -1] - across[:, :-1] @ moved, evidence.takes_lift(found.chosen))
-    return evidence.sizes_of(mean[evidence.P:])
+    return np.asarray(mean[evidence.P:])
 
 
 def force_of(discrepancy: Mapping[str, float]) -> float:
@@ -168,21 +175,23 @@ def moment_of(discrepancy: Mapping[str, float]) -> float:
 def _overshadowed(case: Case, found: Refined) -> dict[int, str]:
     """{number: reason} of the smallest effect, if it is masked: less than OUTWEIGHS times the unexplained force.
 
-    Such a force could imitate the effect. Empty if the unexplained force is too small to matter. Only effects that act
-    more as a force than as a moment are compared.
+    Such a force could imitate the effect, if it acts along the same axes. Empty if the unexplained force is too small
+    to matter. Only effects that act more as a force than as a moment are compared.
     """
-    left = force_of(unexplained(case, found))
-    if left < MATTERS_M_S2:
-        return {}
-    sizes = dict[int, float]()
+    mine = np.isin(case.background.group, FORCES)
+    along = ((case.background.force[..., mine] @ _background(case, found)[mine]) ** 2).mean(0)
+    masked = dict[int, tuple[float, float]]()
     for i, part in parts_of(case, found.chosen, found.step):
-        push, turn = rms(case.effects[i].force @ part), turning_size(case.effects[i].torque @ part, case.arm)
-        if turn < push < OUTWEIGHS * left:
-            sizes[i] = float(push)
-    if not sizes:
+        force = ((case.effects[i].force @ part) ** 2).mean(0)
+        push, turn = float(np.sqrt(force.sum())), turning_size(case.effects[i].torque @ part, case.arm)
+        left = float(np.sqrt(len(force) * force @ along / max(force.sum(), 1e-12)))
+        if left >= MATTERS_M_S2 and turn < push < OUTWEIGHS * left:
+            masked[i] = push, left
+    if not masked:
         return {}
-    least = min(sizes, key=lambda i: sizes[i])
-    return {least: f"{sizes[least]:.2g} m/s^2 beside a force of {left:.2g} m/s^2 that no effect explains"}
+    least = min(masked, key=lambda i: masked[i])
+    push, left = masked[least]
+    return {least: f"{push:.2g} m/s^2 beside a force of {left:.2g} m/s^2 along the same axes that no effect explains"}
 
 
 def _size_of(case: Case, which: int, found: Refined) -> float:
@@ -240,6 +249,13 @@ def _class_of(weighing: Weighing, chosen: tuple[int, ...], which: int) -> dict[s
         term = effects[other].term
         found[term] = min(lost, found.get(term, np.inf))
     return found
+
+
+def _of_family(term: str, by_term: Mapping[str, float]) -> dict[str, float]:
+    """{term: log odds lost}: other terms of its family, of which a set has one only, that are nearly as probable."""
+    lost = {other: float(np.log(max(by_term[term], 1e-12) / max(by_term.get(other, 0.0), 1e-12)))
+            for family in FAMILIES if term in family for other in family - {term}}
+    return {other: max(nats, 0.0) for other, nats in lost.items() if nats < ALTERNATIVE}
 
 
 def _alike(case: Case, found: Refined, which: int, discrepancy: Mapping[str, float]) -> dict[str, float]:

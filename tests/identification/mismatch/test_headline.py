@@ -45,5 +45,7 @@ def test_headlines():
         "2 flights left out, but attitude became worse.")
     quiet = {"outcome": "none", "findings": [], "unknown": None, "improvement": improvement(0.05, held_out=())}
     assert headline(quiet).endswith("position error after 0.5 s 0.050 m.")
+    assert headline({**quiet, "leaning": {"wind": 0.6, "inflow": 0.7}}).startswith(
+        "No effect is sure enough to be identified; the most probable is inflow (70%); position error")
     assert headline({"outcome": "insufficient", "improvement": None}) == "Nothing can be said about physics."
     assert uses(good_for(None)).count("cannot say") == 3

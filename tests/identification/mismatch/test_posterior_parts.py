@@ -53,18 +53,23 @@ def test_random_cosines_have_the_covariance_of_their_process():
     assert np.abs(found - centre @ kernel @ centre).max() < 0.1
 
 
-@pytest.mark.parametrize(("left_m_s2", "rejected"), [(0.29, []), (0.31, []), (0.34, [0]), (1.0, [0])])
+@pytest.mark.parametrize(("left_m_s2", "rejected"), [
+    ((0.29, 0.29, 0.29), []), ((0.31, 0.31, 0.31), []), ((0.34, 0.34, 0.34), [0]), ((1.0, 1.0, 1.0), [0]),
+    ((0.0, 0.0, 9.0), [])])
 def test_a_force_is_identified_only_where_it_outweighs_what_no_effect_explains(left_m_s2, rejected):
-    """Pushes of 0.5 and 1.8 m/s^2, and a moment, which no force hides: the weaker push goes first."""
+    """Pushes of 0.5 and 1.8 m/s^2 along x, and a moment, which no force hides: the weaker push goes first. A force along
+    z cannot imitate it. Numbers are for a force of that length, equal along all axes; the last along z."""
     def effect(term: str, push: float, turn: float) -> Effect:
         force, torque = np.zeros((4, 3, 1)), np.zeros((4, 3, 1))
         force[:, 0], torque[:, 1] = push, turn
         return Effect(term, force, torque, {}, np.array([-9.0]), np.array([9.0]))
 
-    evidence = SimpleNamespace(P=3, everything=lambda chosen: np.zeros(3),
-                               sizes_of=lambda found: {"place": 0.6 * left_m_s2, "air": 0.8 * left_m_s2, "tilt": 9.0})
+    evidence = SimpleNamespace(P=3, everything=lambda chosen: np.concatenate(
+        [np.zeros(3), np.array(left_m_s2) / np.sqrt(3.0), [9.0]]))
+    background = Background(np.tile(np.eye(3, 4), (4, 1, 1)), np.zeros((0, 3, 4)),
+                            np.array(["place", "air", "late", "tilt"]))
     effects = [effect("wind", 0.5, 0.0), effect("mass", 1.8, 0.0), effect("com_offset", 0.0, 9.0)]
-    case = SimpleNamespace(effects=effects, evidence=evidence, arm=np.full(3, 0.03))
+    case = SimpleNamespace(effects=effects, evidence=evidence, background=background, arm=np.full(3, 0.03))
     found = SimpleNamespace(chosen=(0, 1, 2), step=np.ones(3), across=None)
     assert list(decision._overshadowed(case, found)) == rejected
 
@@ -159,6 +164,15 @@ def test_set_points_find_the_gain_that_feedback_and_noisy_inputs_hide():
     want = alone.asked(alone.of(columns[mine]), np.ones(4, bool))
     found = turning.asked(turning.of(columns), keep)
     assert found.T @ found == pytest.approx(want.T @ want, rel=0.05)
+
+
+def test_terms_of_a_family_share_what_flights_show():
+    """A set has one of them: their probabilities add up, and the odds between them are what the flights tell."""
+    by_term = {"thrust_voltage": 0.54, "thrust_scale": 0.26, "mass": 0.17, "thrust_pwm": 0.02, "wind": 0.9}
+    found = decision._of_family("thrust_voltage", by_term)
+    assert set(found) == {"thrust_scale", "mass"}
+    assert found["mass"] == pytest.approx(np.log(0.54 / 0.17))
+    assert set(decision._of_family("mass", by_term)) == {"thrust_scale", "thrust_voltage", "thrust_pwm"}
 
 
 def test_thrust_may_differ_from_session_to_session_without_being_a_finding():
