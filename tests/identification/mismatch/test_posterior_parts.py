@@ -57,7 +57,7 @@ def test_random_cosines_have_the_covariance_of_their_process():
     ((0.29, 0.29, 0.29), []), ((0.31, 0.31, 0.31), []), ((0.34, 0.34, 0.34), [0]), ((1.0, 1.0, 1.0), [0]),
     ((0.0, 0.0, 9.0), [])])
 def test_a_force_is_identified_only_where_it_outweighs_what_no_effect_explains(left_m_s2, rejected):
-    """Pushes of 0.5 and 1.8 m/s^2 along x, and a moment, which no force hides: the weaker push goes first. A force along
+    """Pushes of 0.5 and 1.8 m/s^2 along x, and a moment, which no force hides: the weaker push goes first. One along
     z cannot imitate it. Numbers are for a force of that length, equal along all axes; the last along z."""
     def effect(term: str, push: float, turn: float) -> Effect:
         force, torque = np.zeros((4, 3, 1)), np.zeros((4, 3, 1))
