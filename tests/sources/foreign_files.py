@@ -172,5 +172,6 @@ FOREIGN: dict[str, Foreign] = {
     "own flight with PWM and rotor speed": Foreign(
         _plain("t,px,py,pz,qx,qy,qz,qw,pwm1,pwm2,pwm3,pwm4,rpm1,rpm2,rpm3,rpm4,vbat"), None, ("t", "pwm1", "settled")),
     "own table of other names": Foreign(_plain("stamp,height,speed"), None, ("stamp", "height", "speed")),
-    "a stand": Foreign(_plain("pwm,vbat[V],rpm1,rpm2,rpm3,rpm4,thrust[g]"), "stand"),
+    "a stand": Foreign(_plain("pwm,vbat[V],rpm1,rpm2,rpm3,rpm4,thrust[g]", **{
+        "pwm": np.linspace(0.1, 0.9, len(path()[0])), "thrust[g]": np.linspace(1.0, 30.0, len(path()[0]))}), "stand"),
 }  # fmt: skip
