@@ -62,7 +62,7 @@ CODE = "simulators_corrected"
                    "changes are then detected (from one day to another a motor may move by 10 %).")
 @click.option("--nothing-added", is_flag=True,
               help="With --normal: nothing was put onto the vehicle or hung from it since.")
-@click.option("--engine", type=click.Choice(ENGINES), default=ENGINES[0], show_default=True,
+@click.option("--engine", type=click.Choice(ENGINES), default=None, show_default=f"{ENGINES[0]}; rules with --refit",
               help="What decides: the probability of every set of up to three effects, or the older rules. "
                    "docs/mismatch.md compares them.")
 @click.option("--bound", is_flag=True,
@@ -73,7 +73,7 @@ CODE = "simulators_corrected"
                    "in turn. The corrected simulator uses the refit only where it predicts these better (seldom; see "
                    "docs).")
 def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...], mass_kg: float,
-             normal: tuple[Path, ...], same_day: bool, nothing_added: bool, engine: str, bound: bool,
+             normal: tuple[Path, ...], same_day: bool, nothing_added: bool, engine: str | None, bound: bool,
              refit: bool) -> int:
     """Where is my simulator wrong? Locates, names and models what it leaves out, and proves it on unseen flights.
 
@@ -109,7 +109,7 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
         raise UsageError(f"diagnose: --{'same-day' if same_day else 'nothing-added'} goes with --normal DIR")
     if refit and engine == "posterior":
         raise UsageError("diagnose: --refit needs --engine rules: the posterior weighs predictions anyway")
-    engine = "rules" if refit else engine
+    engine = engine or ("rules" if refit else ENGINES[0])
     if bound:
         from identification.learned.libraries import libraries
 
