@@ -24,7 +24,7 @@ MOST = number("posterior.left_out_flights.most")
 favour a sluggish vehicle."""
 KINDS = (slice(0, 2), slice(2, 4))
 """Of ``proof.QUANTITIES``: the path, and turning."""
-GAINS = (0.02, 2.0)
+GAINS = (0.3, 2.0)
 """Bounds of the gain from logged commands to turning."""
 JUDGED = slice(1, None)
 """Horizons that are judged: 0.1 and 0.5 s."""
