@@ -20,7 +20,7 @@ from ..space import Space
 from ..track import ROW_S
 from ..wrench import FORCE_ROWS, TORQUE_ROWS, Wrench
 from .effects import Effect
-from .unfollowed import gain_error
+from .gain_error import gain_error
 
 FEATURES = count("posterior.background.features")
 PLACE_LENGTH = number("posterior.background.place_length")

@@ -15,10 +15,10 @@ from ..wrench import Wrench
 from .arm_unit import arms
 from .background import SHAKE, Background, background_of, rms, turning_size
 from .effects import Effect, effects_of, within_reach
+from .gain_error import gain_error
 from .rows import Products, Rows, Seen, rows_of
 from .set_evidence import MEANS, Evidence
 from .thrust_spread import thrust_spread
-from .unfollowed import gain_error
 
 
 @dataclass(frozen=True)

@@ -17,10 +17,10 @@ from identification.mismatch.posterior import decision, set_evidence
 from identification.mismatch.posterior.arm_unit import arms
 from identification.mismatch.posterior.background import FIXED, LIFT_OF_ALL, Background, fourier
 from identification.mismatch.posterior.effects import Effect, effects_of, within_reach
+from identification.mismatch.posterior.gain_error import gain_error
 from identification.mismatch.posterior.rows import Seen, _Group, _ridge, instruments
 from identification.mismatch.posterior.set_evidence import Evidence
 from identification.mismatch.posterior.thrust_exponent import Curve
-from identification.mismatch.posterior.unfollowed import gain_error
 from identification.mismatch.space import space_around
 from identification.mismatch.wrench import TORQUE_ROWS, Wrench
 from nanobench_tools.physics import Model, Vehicle
