@@ -43,10 +43,12 @@ run: $(VENV)/.installed
 
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .
+	$(BIN)/python -m tools.prose
 	$(BIN)/mypy
 
 test: $(VENV)/.installed-test
 	$(BIN)/ruff check .
+	$(BIN)/python -m tools.prose
 	@$(MAKE) --no-print-directory pytest
 
 pytest: $(VENV)/.installed-test

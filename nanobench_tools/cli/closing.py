@@ -109,7 +109,7 @@ def close_scores(options: Options, result: str, kind: str, screen: Sequence[Tabl
     elif scored:
         close(options, result, "as files", *again("--out", "results"), screen=screen, detail=detail)
     else:
-        close(options, result, f"your own {kind} beside these", "nanobench", "new", kind, f"my_{kind}",
+        close(options, result, f"your {kind} next to these", "nanobench", "new", kind, f"my_{kind}",
               screen=screen, detail=detail)
 
 

@@ -80,4 +80,5 @@ def shared_options(*leave_out: str) -> Callable[[Callable[..., Any]], Callable[.
 def no_paths_beside(options: Options, option: str) -> None:
     """UsageError where paths are given in addition to an ``option`` (--train) for all recordings: ``--train A B``."""
     if options.data:
-        raise UsageError(f"{options.data[-1]} stands beside {option}; write {option} (or --test) before every path")
+        raise UsageError(f"{options.data[-1]} is listed with paths of {option}; "
+                         f"write {option} (or --test) before every path")

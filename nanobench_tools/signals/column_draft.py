@@ -60,7 +60,7 @@ def draft_columns(path: Path) -> ColumnDraft:
     judge_motion(draft, table.values, time_s)
     if len(draft.mapped) == 1:
         asked = f"; {draft.questions[0]}" if draft.questions else ""
-        raise InputError(place, f"no column beside {draft.mapped[TIME].column!r} has a name that is known{asked}",
+        raise InputError(place, f"no column except {draft.mapped[TIME].column!r} has a known name{asked}",
                          "name them like px, acc_x, gyro_x, m1, vbat, or write the map by hand: docs/recordings.md")
     if assumed := [d.column for d in draft.mapped.values() if d.status == "assumed"]:
         draft.notes.append(f"no unit is stated for {', '.join(assumed)}: the one below is assumed; check it")

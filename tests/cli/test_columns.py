@@ -118,7 +118,7 @@ def test_units_in_names():
 
 @pytest.mark.parametrize(("content", "says"), [
     (b"", "empty"), (b"\x00\x01\x02" * 50, "no table"), (b"a,b\n1,2\n", "no column is named like a time"),
-    (b"t,mood\n1,2\n2,3\n", "no column beside 't'"), (b"t,x\n", "no row"),
+    (b"t,mood\n1,2\n2,3\n", "no column except 't'"), (b"t,x\n", "no row"),
     (b"t,x\n1,2\n2,9" + b"9" * 400 + b"\n", None), (b"t,x,x\n1,2,3\n2,3,4\n", "appears twice"),
     (b"t;x\n1;2\n2;3\n", None)])
 def test_bad_tables_are_one_line(nanobench, tmp_path, content, says):

@@ -70,7 +70,7 @@ def test_version(nanobench):
     (["audit", "--jobs", "two"], "'two' is not a valid integer"),
     (["audit", "--data"], "nanobench audit: Option '--data' requires an argument"),
     (["audit", "stray"], "nanobench: stray: does not exist"),
-    (["sysid", "--train", "{data}", "{empty}", "--test", "{data}"], "{empty} stands beside --train"),
+    (["sysid", "--train", "{data}", "{empty}", "--test", "{data}"], "{empty} is listed with paths of --train"),
     (["simulate", "stray"], "nanobench simulate: Got unexpected extra argument"),
     (["audit", "--data", "/no/such/place"], "/no/such/place"),
     (["audit", "--data", "{empty}"], "{empty}"),

@@ -31,7 +31,7 @@ SLICE_MS = 10
 """The firmware's slow work (high-level commander, and every fourth time the supervisor) is done so often."""
 _META_NOTIFY_STOP = 0
 LAMPS = ("ring.effect", "led.bitmask", "sound.effect")
-"""Parameters of what nobody sees or hears here, which programs set."""
+"""Parameters that programs set, but that have no effect on what this simulated vehicle sends."""
 
 
 class Sent(NamedTuple):
