@@ -20,6 +20,8 @@ SLOWEST_PEAK_RAD_S = number("audit.column_evidence.slowest_peak_rad_s")
 MOST_M_S2 = number("audit.column_evidence.most_m_s2")
 CELLS_V = setting("audit.column_evidence.cells_v")
 LEAST_GRAVITY = number("audit.column_evidence.least_gravity")
+YAW_FOLLOWED_RAD = number("audit.column_evidence.yaw_followed_rad")
+YAW_MISSED_RAD = number("audit.column_evidence.yaw_missed_rad")
 FASTEST_STEP_S = number("audit.column_evidence.fastest_step_s")
 NOISE_APART = number("audit.column_evidence.noise_apart")
 """Axes of an estimate differ less in their noise."""

@@ -35,6 +35,7 @@ def judge_units(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarr
     for stream, names in (("mocap", ("px", "py", "pz")), ("estimator", ("x", "y", "z"))):
         _position(draft, stream, names, values, time_s)
     _angles(draft, values)
+    _yaw_wanted(draft, values)
     _gyro(draft, values, time_s)
     _down(draft, values)
 
@@ -191,6 +192,40 @@ def _angles(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
         draft.set_unit(still, "deg", f"they reach {top:.3g}")
     elif top > 0.5 * np.pi:
         draft.ask(still, f"they reach {top:.3g}: rad or deg? write unit = \"rad\" or \"deg\" at each")
+
+
+def _yaw_wanted(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
+    """The unit of a yaw set-point is that in which it is the yaw of the attitude; it stays assumed where the vehicle
+    does not follow it, or where it turns too little to show the unit."""
+    key = ("setpoint", "yaw")
+    flown = _yaw(draft, values)
+    if key not in draft.mapped or not draft.open([key]) or flown is None:
+        return
+    cells = values[draft.mapped[key].column]
+    known = np.isfinite(cells) & np.isfinite(flown)
+    if known.sum() < evidence.WINDOW:
+        return
+    apart, turned = {}, {}
+    for unit in ("rad", "deg"):
+        wanted = cells[known] * factor(unit)
+        apart[unit] = float(np.mean(np.abs(so3.wrap_angle(wanted - flown[known]))))
+        turned[unit] = float(np.ptp(np.quantile(wanted, (0.05, 0.95))))
+    unit, other = sorted(apart, key=apart.__getitem__)
+    if apart[unit] < evidence.YAW_FOLLOWED_RAD and apart[other] > evidence.YAW_MISSED_RAD and (
+            turned[unit] > evidence.YAW_MISSED_RAD):
+        draft.set_unit([key], unit, f"in {unit} it is within {np.degrees(apart[unit]):.2g} deg of the attitude's yaw, "
+                       f"in {other} {np.degrees(apart[other]):.2g} deg away")
+
+
+def _yaw(draft: Draft, values: Mapping[str, np.ndarray]) -> np.ndarray | None:
+    """(n,) rad: yaw of an attitude of the table whose unit is not merely assumed."""
+    keys = draft.columns("attitude", ("yaw",))
+    if keys and not draft.open(keys):
+        return draft.si(keys, values)[:, 0]
+    for stream in ("attitude_qw", "mocap"):
+        if len(keys := draft.columns(stream, QUATERNION)) == len(QUATERNION):
+            return np.asarray(so3.euler_zyx(draft.si(keys, values))[:, 2])
+    return None
 
 
 def _turning(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarray) -> np.ndarray | None:

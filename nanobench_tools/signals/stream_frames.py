@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from .. import so3
-from ..flight import Stream
+from ..flight import Stream, make_stream
 from ..settings import number
 from .axis_unit_matching import CLEAR, CLEARLY, AxisUnitMatch, certain, correlations, wrong_matches
 from .context import Context
@@ -27,6 +27,7 @@ from .pose_frame import pose_frame
 from .unit_sign_errors import GRAVITY_SHARE, Gravity, gravity_axis
 from .usable_rows import usable_streams
 
+EULER = ("roll", "pitch", "yaw")
 IMU = (("gyro_x", "gyro_y", "gyro_z"), ("acc_x", "acc_y", "acc_z"))
 ROTATIONS = tuple(turn for order in permutations(range(3)) for signs in product((1.0, -1.0), repeat=3)
                   for turn in [np.eye(3)[list(order)] * np.array(signs)[:, None]] if np.linalg.det(turn) > 0.0)
@@ -86,9 +87,31 @@ def unexplained(context: Context) -> list[AxisUnitMatch]:
 
 
 def unexplained_gravity(context: Context) -> Gravity | None:
-    """``gravity_axis`` of an accelerometer whose frame is not turned as a whole."""
+    """``gravity_axis`` of an accelerometer whose frame is not turned as a whole, where another stream shows that."""
     turned = any(turn.stream == "imu" for turn in context.once(stream_turns))
-    return None if turned else context.once(gravity_axis)
+    return None if turned or context.once(lone_imu) is not None else context.once(gravity_axis)
+
+
+@dataclass(frozen=True)
+class LoneImu:
+    """Gravity ``axis`` and ``sign`` of an IMU that no other stream judges; ``turns`` (3, 3): those of ``ROTATIONS``
+    after which z is up, the identity never among them."""
+
+    axis: int
+    sign: int
+    turns: tuple[np.ndarray, ...]
+
+
+def lone_imu(context: Context) -> LoneImu | None:
+    """An IMU whose z is not up, in a recording without an attitude or motion capture to compare it with."""
+    gravity = context.once(gravity_axis)
+    if gravity is None or (gravity.axis, gravity.sign) == (2, 1) or _estimated_attitude(context) is not None:
+        return None
+    if any(sums_of(context, make) is not None for make in (gyro_pair, force_pair)):
+        return None
+    up = np.zeros(3)
+    up[gravity.axis] = gravity.sign
+    return LoneImu(gravity.axis, gravity.sign, tuple(turn.T for turn in ROTATIONS if turn[:, 2] @ up > 0.5))
 
 
 def _shared(matches: list[AxisUnitMatch]) -> np.ndarray | None:
@@ -146,8 +169,7 @@ def _imu(context: Context) -> StreamTurn | None:
 
 def _imu_by_estimate(context: Context, mean: np.ndarray | None) -> StreamTurn | None:
     """The turn of the IMU without motion capture, by gravity (``mean``, its direction) and the estimated attitude."""
-    streams = context.once(usable_streams)
-    imu, estimate = streams.get("imu"), streams.get("attitude_qw")
+    imu, estimate = context.once(usable_streams).get("imu"), _estimated_attitude(context)
     if mean is None or imu is None or estimate is None or not all(q in imu for q in IMU[0]):
         return None
     middle, rates = rates_of(estimate)
@@ -170,6 +192,17 @@ def _imu_by_estimate(context: Context, mean: np.ndarray | None) -> StreamTurn | 
            *(f"{IMU[0][i]} follows {'-' * bool(best[i, j] < 0)}{'xyz'[j]} of the estimated attitude ({k[i, j]:+.2f})"
              for i, j in moved)]
     return StreamTurn("imu", IMU, best.T, ", ".join(why))
+
+
+def _estimated_attitude(context: Context) -> Stream | None:
+    """The vehicle's estimate of its attitude as quaternions, from whichever form was logged."""
+    streams = context.once(usable_streams)
+    if "attitude_qw" in streams and all(q in streams["attitude_qw"] for q in ROTATION):
+        return streams["attitude_qw"]
+    angles = streams.get("attitude")
+    if angles is None or not all(q in angles for q in EULER):
+        return None
+    return make_stream("attitude_qw", angles.time_s, so3.from_euler_zyx(*angles[EULER].T), ROTATION)
 
 
 def rates_of(turn: Stream) -> tuple[np.ndarray, np.ndarray]:

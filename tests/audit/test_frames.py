@@ -228,3 +228,32 @@ def test_a_hand_held_camera_neither_crashed_nor_stayed_on_the_ground(flown, tilt
     found = audit(flight)
     assert [f.kind for f in found.faults] == ["body_frame"]
     assert found.airborne == ()
+
+
+@pytest.mark.parametrize("kept", [("imu",), ("imu", "motor", "battery")])
+@pytest.mark.parametrize("turn", [NED, np.diag([-1.0, 1.0, -1.0]), X_UP, X_UP.T], ids=["FRD", "BLD", "x up", "x down"])
+def test_a_lone_imu_is_asked_about_as_a_whole(flown, turn, kept):
+    """Gravity shows which axis is up, and no more; each of the answers leaves a clean audit."""
+    flight = flown["fast figure_eight"]
+    bad = with_imu(flight.without_streams(*(set(flight.streams) - set(kept))), turn)
+    ((kind, stream, _, evidence),) = about_frames(bad)
+    assert (kind, stream) == ("frame", "imu")
+    assert ("most likely in FRD axes" in evidence) == (turn[2, 2] < 0.0)
+    offered = re.findall(r"\b[FBLRUD]{3}\b", evidence)
+    assert len(set(offered)) == 4
+    turned = [in_our_axes(bad["imu"], frame_of(name)) for name in offered]
+    assert all(about_frames(bad.with_streams(imu=imu)) == [] for imu in turned)
+    assert any(np.allclose(imu[v], flight["imu"][v]) for imu in turned for v in IMU)
+
+
+def test_a_lone_imu_in_our_axes_is_no_finding(flown):
+    flight = flown["fast figure_eight"]
+    assert about_frames(flight.without_streams(*(set(flight.streams) - {"imu"}))) == []
+
+
+def test_euler_angles_show_the_frame_of_an_imu_as_well(flown):
+    flight = flown["fast figure_eight"]
+    alone = flight.without_streams(*(set(flight.streams) - {"imu", "attitude"}))
+    ((kind, stream, columns, evidence),) = about_frames(with_imu(alone, NED))
+    assert (kind, stream, len(columns)) == ("frame", "imu", 4)
+    assert "is in FRD axes" in evidence

@@ -77,11 +77,12 @@ def test_an_inertial_sensor_in_frd_beside_an_estimate_in_our_axes(tmp_path):
     assert "gyro_y, gyro_z, acc_y, acc_z" in found.evidence
 
 
-def test_gravity_alone_offers_both_answers(tmp_path):
+def test_gravity_alone_offers_whole_frames(tmp_path):
     m = motion()
     (found,) = audit(one(bag(tmp_path, imu=inertial(FRD * m.force_m_s2, FRD * m.rate_rad_s)))).faults
-    assert found.kind == "sign"
-    assert 'frame = "FRD"' in found.evidence
+    assert found.kind == "frame"
+    assert "most likely in FRD axes" in found.evidence
+    assert "acc_z alone negated?" in found.evidence
 
 
 def test_a_negated_column_beside_an_estimate_stays_one(tmp_path):

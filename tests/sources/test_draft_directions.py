@@ -63,3 +63,18 @@ def test_the_unit_of_a_time_may_be_glued_to_its_name(tmp_path, name):
     draft = draft_columns(tmp_path / "f.csv")
     assert draft.mapped["", "time"] == (name, "us")
     assert draft.mapped["mocap", "pz"][0] == "PD"
+
+
+@pytest.mark.parametrize(("wanted", "unit", "status"), [
+    (lambda yaw: np.degrees(yaw) % 360.0, "deg", "shown"), (lambda yaw: yaw, "rad", "shown"),
+    (lambda yaw: 0.0 * yaw + 0.3, "rad", "assumed"), (lambda yaw: np.degrees(yaw) + 90.0, "rad", "assumed")],
+    ids=["degrees from 0 to 360", "radians", "constant", "another heading"])
+def test_the_attitude_shows_the_unit_of_a_yaw_set_point(tmp_path, wanted, unit, status):
+    t, *_, turn, _ = flown()
+    yaw, pitch, roll = turn.as_euler("ZYX").T
+    late = np.interp(t + 0.1, t, yaw)
+    np.savetxt(tmp_path / "f.csv", np.column_stack([1e6 * t, *np.degrees([roll, pitch, yaw]), wanted(late)]),
+               delimiter=",", header="TimeUS,Roll,Pitch,Yaw,DesYaw", comments="", fmt="%.6g")
+    draft = draft_columns(tmp_path / "f.csv")
+    assert draft.mapped["setpoint", "yaw"] == ("DesYaw", unit)
+    assert draft.status["DesYaw"] == status

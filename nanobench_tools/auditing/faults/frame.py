@@ -7,6 +7,9 @@ capture's prediction, and gravity. Both are evaluated for each of the 24 rotatio
 (``signals.stream_frames``). Gyro and accelerometer turn together, poses and attitude together, and an axis that does
 not move turns with the others. One negated column is ``sign``, two that changed places ``axis_swap``.
 
+Of an IMU without a stream to compare it with, gravity shows where z points. The axes are then a question: FRD first
+where z points down, else the four frames that have this axis up.
+
 Axes are named by where they point (``axes``): FRD is forward, right, down; a world ENU is one with z up.
 
 Size: angle of the turn, rad. Smallest found: a quarter turn.
@@ -23,13 +26,23 @@ from ...flight import Fault, Flight
 from ...signals.context import Context
 from ...signals.held_poses import POSITION, ROTATION
 from ...signals.pose_frame import pose_frame
-from ...signals.stream_frames import StreamTurn, assignments, how, in_words, pose_turn, stream_turns
+from ...signals.stream_frames import (
+    IMU,
+    StreamTurn,
+    assignments,
+    how,
+    in_words,
+    lone_imu,
+    pose_turn,
+    stream_turns,
+)
 from ...signals.tilt_heading import wrong_heading
 from ...sources.axes import name_of
 from .kind import FaultKind
 from .making import SINCE, over_stream
 
 KIND = "frame"
+FORWARD_RIGHT_DOWN = np.diag([1.0, -1.0, -1.0])
 LETTERS = {"N": "north", "S": "south", "E": "east", "W": "west", "U": "up", "D": "down", "F": "forward", "B": "back",
            "L": "left", "R": "right"}
 
@@ -37,7 +50,7 @@ LETTERS = {"N": "north", "S": "south", "E": "east", "W": "west", "U": "up", "D":
 def find(flight: Flight, context: Context) -> list[Fault]:
     """One fault per stream."""
     turns = [turn for turn in context.once(stream_turns) if turn.stream != "mocap"]
-    return [*_poses(context), *(_stream(context, turn) for turn in turns)]
+    return [*_poses(context), *(_stream(context, turn) for turn in turns), *_lone(context)]
 
 
 def _stream(context: Context, found: StreamTurn) -> Fault:
@@ -50,6 +63,30 @@ def _stream(context: Context, found: StreamTurn) -> Fault:
     return over_stream(KIND, flight, found.stream, moved, _angle(turn), "rad",
                        f"the {found.stream} is in {_meaning(axes)}, turned by {in_words(turn)}: "
                        f"{how(turn, found.vectors)}{SINCE}{found.why}", math.pi / 2)
+
+
+def _lone(context: Context) -> list[Fault]:
+    """At most one fault: of an IMU alone, by gravity. A z that points down is FRD by custom; the other readings are
+    named, because gravity does not exclude them."""
+    found = context.once(lone_imu)
+    if found is None:
+        return []
+    stream = context.flight["imu"]
+    vectors = tuple(v for v in IMU if all(q in stream for q in v))
+    down = found.axis == 2
+    turn = FORWARD_RIGHT_DOWN if down else found.turns[0]
+    seen = f"gravity lies along {'-' * bool(found.sign < 0)}{IMU[1][found.axis]}"
+    names = [name_of(t, False) for t in found.turns if not (down and np.array_equal(t, turn))]
+    if down:
+        text = (f"z of the imu points down, most likely in {_meaning('FRD')}: {how(turn, vectors)}{SINCE}{seen}; is x "
+                f"back or to the side ({', '.join(names)}), or acc_z alone negated? no other stream shows it")
+    else:
+        text = (f"{'xyz'[found.axis]} of the imu points {'up' if found.sign > 0 else 'down'}: is it in "
+                f"{', '.join(names[:-1])} or {names[-1]} axes? {seen}, and no other stream shows which axis is forward")
+    moved = [new for names_ in vectors for new, *_ in assignments(turn, names_)] if down else [
+        q for names_ in vectors for q in names_]
+    return [over_stream(KIND, context.flight, "imu", moved, _angle(turn) if down else math.pi / 2, "rad", text,
+                        math.pi / 2)]
 
 
 def _poses(context: Context) -> list[Fault]:
