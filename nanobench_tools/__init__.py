@@ -28,6 +28,7 @@ _PLACES = {
     "api.controlled": ("Tracking", "control"),
     "api.diagnosed": ("Diagnosis", "diagnose"),
     "api.practised": ("simulate",),
+    "api.sampled": ("sample",),
     "api.thrusts": ("Thrust", "thrust"),
     "api.identified_motors": ("Motors", "motors"),
     "api.tuned": ("Tuning", "tune"),

@@ -19,6 +19,7 @@ from .api.practised import simulate as simulate
 from .api.proved import BlindProof as BlindProof
 from .api.proved import prove as prove
 from .api.reported import report as report
+from .api.sampled import sample as sample
 from .api.thrusts import Thrust as Thrust
 from .api.thrusts import thrust as thrust
 from .api.tuned import Tuning as Tuning

@@ -39,6 +39,7 @@ VERBS: dict[str, tuple[str, str]] = {
                  "nanobench diagnose FLIGHTS --simulator simulator.toml --out DIR"),
     "prove": ("Blind cases for diagnose: sealed, diagnosed, opened, scored.",
               "nanobench prove --cases 200 --out proof"),
+    "sample": ("Write the three sample flights of the package (SYNTHETIC).", "nanobench sample --out sample"),
     "simulate": ("Write practice flights through the whole logging chain.",
                  "nanobench simulate --flights 20 --out practice"),
     "fly": ("Fly a real or simulated Crazyflie, under safety rules.",
