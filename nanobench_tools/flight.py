@@ -58,6 +58,15 @@ rig (sum over the motors). ``estimator_acc`` excludes gravity.
 """
 
 
+def kept_apart(stream: str) -> bool:
+    """Whether a stream of this name is outside the vocabulary: kept as found, used by no task, never a reason to cut.
+
+    >>> kept_apart("extra_leica0"), kept_apart("imu")
+    (True, False)
+    """
+    return stream == "extra" or stream.startswith("extra_")
+
+
 LONGEST_NAME = 120
 """Characters of a name that a ``repr`` shows."""
 
@@ -365,6 +374,11 @@ class Flight:
         """A copy in which every stream is cut to ``spans``; times stay seconds of the whole recording."""
         spans = [spans] if isinstance(spans, Span) else list(spans)
         return replace(self, streams={k: v.during(spans) for k, v in self.streams.items()})
+
+
+def poses_alone(flight: Flight) -> bool:
+    """Whether a recording has tracked poses and no stream of the vehicle."""
+    return "mocap" in flight.streams and all(name == "mocap" or kept_apart(name) for name in flight.streams)
 
 
 def make_stream(name: str, time_s: ArrayLike, values: ArrayLike, quantities: Sequence[str],

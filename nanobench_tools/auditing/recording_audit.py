@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..flight import Fault, Flight, Span, merge_spans, subtract_spans
+from ..flight import Fault, Flight, Span, kept_apart, merge_spans, subtract_spans
 from ..results.result import Result, from_json, to_json
 from ..signals.airborne import airborne_spans
 from ..signals.context import Context
@@ -25,9 +25,6 @@ from ..time_offsets.moving.moving_readings import clocks_with_time_offset
 from ..time_offsets.moving.time_offset import TimeOffset
 from .faults.copy import copies, fault_of
 from .faults.kinds import cutting, kinds, log_ended
-
-NEVER_CUT = frozenset({"extra"})
-"""Streams of unknown columns; their shape is no evidence on the rows."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -58,7 +55,7 @@ class Audit(Result):
 
         A fault without a stream (``stream`` empty) counts for every stream; those of ``extra`` never count.
         """
-        streams, kinds = {*streams, ""} - NEVER_CUT, cutting() if kinds is None else set(kinds)
+        streams, kinds = {s for s in (*streams, "") if not kept_apart(s)}, cutting() if kinds is None else set(kinds)
         return subtract_spans([self.span], [f.span for f in self.faults if f.kind in kinds and f.stream in streams])
 
     def retimed(self, time_offset: TimeOffset | None) -> Audit:
@@ -150,7 +147,7 @@ def _nan(value: float | None) -> float:
 
 def _cuts_every_use(fault: Fault) -> bool:
     kind = kinds().get(fault.kind)
-    return kind is not None and kind.cuts and fault.stream not in NEVER_CUT | kind.spares
+    return kind is not None and kind.cuts and not kept_apart(fault.stream) and fault.stream not in kind.spares
 
 
 def audit(flight: Flight, context: Context | None = None) -> Audit:

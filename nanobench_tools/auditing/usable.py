@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..flight import Flight, Span, Stream, intersect_spans
+from ..flight import Flight, Span, Stream, intersect_spans, poses_alone
 from ..results.fitted_values import LeftOut
 from .faults.kinds import cutting
 from .recording_audit import Audit
@@ -105,7 +105,7 @@ def left_out(flights: Sequence[Flight], used: Iterable[str], audits: Mapping[str
 
 def flown(flight: Flight, audit: Audit) -> tuple[Span, ...]:
     """Where it was in the air; all of a recording of poses alone in a body frame that does not show it."""
-    alone = set(flight.streams) <= {"mocap", "extra"} and all(fault.kind != "never_flew" for fault in audit.faults)
+    alone = poses_alone(flight) and all(fault.kind != "never_flew" for fault in audit.faults)
     return audit.airborne or ((audit.span,) if alone else ())
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import click
 
 from ..errors import UsageError
+from ..flight import Flight
 from ..pages.task3_tables import task3, task3_attribution, task3_screen, task3_windows
 from ..results.result import to_json
 from ..steps.estimate_pictures import attribution
@@ -20,6 +21,9 @@ from ..steps.sentences import estimated
 from ..time_offsets.moving.votes import AS_RECORDED
 from .closing import close_scores
 from .shared_options import PATH, FiniteRange, shared_options
+
+WITHOUT_LOG = ("aided", "blackout")
+"""Protocols of recordings without an onboard estimate, when none is requested."""
 
 
 @click.command()
@@ -84,6 +88,10 @@ def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, .
             raise UsageError(f"--clock {options.clock} goes with --protocol clean, aided, blackout and whole-flight "
                              "only: the published table was made as recorded")
         scored, protocols = further, protocols or ("clean",)
+    if not protocols and not methods and nothing_logged(flights):
+        protocols = WITHOUT_LOG
+        options.say("no onboard estimate is logged: estimators are scored with few poses (aided) and after the last "
+                    "one (blackout)")
     aidings = grid(rates, delays, noises, losses)
     body = estimate_body(options, see(options, flights, audits), protocols, scored, files, aidings=aidings,
                          further=further)
@@ -92,6 +100,15 @@ def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, .
         body = replace(body, attribution=attribution(options, flights, audits))
     close_estimates(options, body, {method.name for method in further})
     return options.finish("estimate", body)
+
+
+def nothing_logged(flights: Sequence[Flight]) -> bool:
+    """Whether no recording has an onboard estimate to score, and one has what dead reckoning needs."""
+    from ..auditing.usable import missing
+    from ..auditing.verb_needs import INERTIAL, LOGGED
+
+    return (all(missing(flight, LOGGED) is not None for flight in flights)
+            and any(missing(flight, INERTIAL) is None for flight in flights))
 
 
 def close_estimates(options: Options, body: EstimateBody, first: Collection[str] = ()) -> None:

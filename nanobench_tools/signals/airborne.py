@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..flight import Span, Stream, subtract_spans
+from ..flight import Span, Stream, poses_alone, subtract_spans
 from ..settings import count, number
 from .context import Context
 from .plausible_ranges import tracker_scale
@@ -85,7 +85,7 @@ def airborne_spans(context: Context) -> tuple[Span, ...]:
     ground; rebounds of a landing and flight close to the ground separate nothing.
     """
     height = context.once(height_of)
-    if height is None or (context.once(pose_frame).foreign_rad and set(context.flight.streams) == {"mocap"}):
+    if height is None or (context.once(pose_frame).foreign_rad and poses_alone(context.flight)):
         return ()
     time_s, z = height
     up = z > resting_height_m(z) + HEIGHT_M

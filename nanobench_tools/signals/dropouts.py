@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..flight import Stream
+from ..flight import Stream, kept_apart
 from ..settings import count, number
 from .context import Context
 from .packet_rows import Packets, packets_of
@@ -22,8 +22,8 @@ PACKETS = number("audit.dropouts.packets")
 SHORTEST_S = number("audit.dropouts.shortest_s")
 
 STRAIGHT_ROWS = count("audit.dropouts.straight_rows")
-NO_SENSORS = ("extra", "stand")
-"""Unknown columns, and thrust stands for which a constant is plausible."""
+NO_SENSORS = ("stand",)
+"""Thrust stands, for which a constant is plausible."""
 BATTERY_HOLDS_S = number("audit.dropouts.battery_holds_s")
 
 
@@ -74,7 +74,7 @@ def dropouts_of(context: Context) -> dict[str, Dropout]:
     found: dict[str, Dropout] = {}
     waiting: dict[str, Dropout] = {}
     for name, p in packets.items():
-        if name in NO_SENSORS:
+        if name in NO_SENSORS or kept_apart(name):
             continue
         stream, i = streams[name], last_bend[name]
         end = float(stream.time_s[-1])

@@ -11,6 +11,10 @@ from .sheets import looks_like_sheet
 FEWEST_WORDS = 30
 """Shorter texts prove nothing: a file of three words may as well be a recording that was lost."""
 
+PICTURES = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"ply\n", b"ply\r\n")
+"""First bytes of the images and point clouds of data sets, which are not read any further."""
+_SENSOR_SHEET = re.compile(r"^(%YAML:1\.0\s*$|sensor_type:\s|T_BS:\s*$)", re.MULTILINE)
+_FILE_LIST = re.compile(r"#?\s*timestamp\s*\[?\w*\]?\s*,\s*filename\s*$", re.MULTILINE)
 _WORD = re.compile(r"[^\W\d_]{2,}[.,;:)]?")
 _MARKDOWN_HEADING = re.compile(r"^#{1,6} \w", re.MULTILINE)
 _USD_CONFIG = re.compile(r"^\s*on:\w+", re.MULTILINE)
@@ -26,6 +30,10 @@ def companion(data: bytes) -> str | None:
         return None
     if looks_like_sheet(data):
         return "sheet"
+    if _SENSOR_SHEET.search(text):
+        return "sensor sheet"
+    if _FILE_LIST.match(text):
+        return "list of pictures"
     if _USD_CONFIG.search(text) and any(line.split("#")[0].strip().isdigit() for line in text.splitlines()):
         return "usd config"
     if text.startswith("rosbag2_bagfile_information:"):

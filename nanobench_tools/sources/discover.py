@@ -20,8 +20,9 @@ from ..lookup.registry import load_all
 from . import cache as store
 from .bag_messages import span_of
 from .base import SheetSource, Source, text_fault
-from .companions import companion
+from .companions import PICTURES, companion
 from .lost_poses import without_placeholders
+from .members import FolderSource, digest_of, members_of
 from .payload import HEAD_BYTES, digest, head, read_file, unpack
 from .rosbag import RosBag
 from .sheets import Sheet, choose_sheet, lies_beside, looks_like_sheet, may_hold, parse_sheet, why_bad
@@ -50,6 +51,8 @@ class Recording:
     """Files after ``path`` of a bag that was split."""
     lost: tuple[str, ...] = ()
     """Names of files of that bag that are not there."""
+    members: tuple[tuple[str, Path], ...] = ()
+    """Files of a recording that is a folder, by their names in it."""
 
 
 @dataclass(frozen=True)
@@ -137,6 +140,8 @@ def find_recordings(paths: Sequence[Path | str],
             name = next((n for n, s in known.items() if s.recognises(path, start)), None)
             if name is not None:
                 found.append((path, name, start))
+            elif start.startswith(PICTURES):
+                failed.append({"path": str(path), "error": f"{path}: {STRANGE}; a picture or a point cloud"})
             elif (why := _stranger(path, known)) is not None:
                 failed.append({"path": str(path), "error": f"{path}: {why}"})
         except NanobenchError as error:
@@ -149,15 +154,40 @@ def find_recordings(paths: Sequence[Path | str],
     bags = parts_of([path for path, name, _ in found if isinstance(known[name], RosBag)], _span_of)
     behind = {path for parts in bags.values() for path in parts.paths[1:]}
     found = [entry for entry in found if entry[0] not in behind]
-    names = _labels([path for path, _, _ in found])
+    found, labelled, members = _gathered(found, known)
+    folders = [place for place, files in members.items() if len(files) > 1]
+    failed[:] = [f for f in failed if not any(Path(f["path"]).is_relative_to(place) and STRANGE in f["error"]
+                                              for place in folders)]
+    names = _labels([labelled.get(path, path) for path, _, _ in found])
     recordings = []
     for (path, source, start), label in zip(found, names, strict=True):
+        if path in members:
+            recordings.append(Recording(path, source, label, columns=columns, members=members[path]))
+            continue
         parts = bags.get(path, Parts((path,)))
         recordings += [Recording(path, source, f"{label}.{vehicle}" if vehicle else label,
                                  _candidates(known[source], sheets, path, start), columns, vehicle, parts.paths[1:],
                                  parts.lost)
                        for vehicle in _vehicles(known[source], parts.paths)]
     return recordings, failed
+
+
+Found = list[tuple[Path, str, bytes]]
+
+
+def _gathered(found: Found, known: Mapping[str, Source]) -> tuple[
+        Found, dict[Path, Path], dict[Path, tuple[tuple[str, Path], ...]]]:
+    """Recordings in place of the files of which they consist; by their paths what to call them, and their files."""
+    kept = [entry for entry in found if not isinstance(known[entry[1]], FolderSource)]
+    labels, members = {}, {}
+    for name in dict.fromkeys(name for _, name, _ in found):
+        source = known[name]
+        if isinstance(source, FolderSource):
+            for group in source.gather([path for path, other, _ in found if other == name]):
+                kept.append((group.place, name, b""))
+                labels[group.place] = group.label
+                members[group.place] = tuple(group.files.items())
+    return sorted(kept, key=lambda entry: entry[0].parts), labels, members
 
 
 def _vehicles(source: Source, paths: Sequence[Path]) -> tuple[str, ...]:
@@ -248,6 +278,8 @@ def read(recording: Recording, cache: bool = True) -> Flight:
     """The flight of a recording. Raises InputError that names the file."""
     path = recording.path
     source = sources(recording.columns)[recording.source]
+    if recording.members and isinstance(source, FolderSource):
+        return _read_members(recording, source, cache)
     if recording.vehicle and isinstance(source, RosBag):
         source = source.of(recording.vehicle)
     stored = [read_file(part) for part in (path, *recording.further)]
@@ -274,6 +306,20 @@ def read(recording: Recording, cache: bool = True) -> Flight:
         if sheet is not None and isinstance(source, SheetSource):
             flight = source.with_sheet(flight, sheet, own)
     return flight
+
+
+def _read_members(recording: Recording, source: FolderSource, cache: bool) -> Flight:
+    path = recording.path
+    members, broken = members_of(dict(recording.members), source.wanted)
+    sha256 = digest_of(members)
+    entry = store.entry_path(sha256, source.name, source.version)
+    flight = store.fetch(entry, str(path), sha256) if cache else None
+    if flight is None:
+        flight = without_placeholders(_with_break(source.read_members(path, members), broken))
+        if cache:
+            store.store(entry, flight)
+    return replace(flight, name=recording.name, provenance=replace(flight.provenance, path=str(path), sha256=sha256,
+                                                                   source=source.name))
 
 
 def _with_break(flight: Flight, broken: str) -> Flight:

@@ -18,6 +18,13 @@ HEAD_BYTES = 8192
 GZIP_MAGIC, XZ_MAGIC = b"\x1f\x8b", b"\xfd7zXZ\x00"
 _GZIP_WINDOW = 16 + zlib.MAX_WBITS
 
+SMALL_BYTES = 256 * 1024**2
+"""An archive may unpack to this much whatever its size."""
+MOST_RATIO = 200
+"""Tables of numbers pack to a third or a twentieth; an archive that unpacks to more times its size is made to fill the
+memory."""
+_CHUNK_BYTES = 16 * 1024**2
+
 
 @dataclass(frozen=True)
 class Payload:
@@ -42,6 +49,12 @@ def digest(stored: bytes) -> str:
     return hashlib.sha256(stored).hexdigest()
 
 
+def too_large(place: str, size: float, most: float) -> InputError:
+    """The error for an archive that unpacks to far more than a recording."""
+    return InputError(place, f"the archive unpacks to {size / 1024**2:.0f} MB or more, where a recording packed to its "
+                      f"size has at most {most / 1024**2:.0f} MB", "it is damaged or no recording; unpack it by hand")
+
+
 def _unpack_members(stored: bytes, new_decoder: Callable[[], Any], place: str) -> Payload:
     """All members of an archive, one after the other. One that only ends early is kept up to its end.
 
@@ -49,15 +62,24 @@ def _unpack_members(stored: bytes, new_decoder: Callable[[], Any], place: str) -
     made-up digits.
     """
     parts: list[bytes] = []
-    rest = stored
+    rest, size, most = stored, 0, max(SMALL_BYTES, MOST_RATIO * len(stored))
     while rest.strip(b"\x00"):  # zero padding may follow
         decoder = new_decoder()
+        chunks: list[bytes] = []
         try:
-            parts.append(decoder.decompress(rest))
+            while rest or chunks:
+                chunks.append(decoder.decompress(rest, _CHUNK_BYTES))
+                size += len(chunks[-1])
+                if size > most:
+                    raise too_large(place, size, most)
+                rest = getattr(decoder, "unconsumed_tail", b"")
+                if decoder.eof or (len(chunks[-1]) < _CHUNK_BYTES and not rest):
+                    break
         except (lzma.LZMAError, zlib.error) as error:
             if parts:
                 return Payload(b"".join(parts), f"bytes after the archive cannot be unpacked ({error})")
             raise InputError(place, f"the archive is damaged ({error})", "take another copy of the file") from None
+        parts.append(b"".join(chunks))
         if not decoder.eof:
             return Payload(b"".join(parts), "the archive ends early; read up to the break")
         rest = decoder.unused_data

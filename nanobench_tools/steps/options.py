@@ -130,8 +130,9 @@ class Options:
         first = f"{places[0]}{f' and {len(places) - 1} more' if len(places) > 1 else ''}"
         self.say(f"{_kinds(flights)} from {first} in {elapsed:.1f} s"
                  + (f", {len(failed)} files failed" if failed else ""))
-        of_bags = [line for flight in flights if flight.metadata.get("topics") for line in _topics(flight)]
-        for line in of_bags[:MOST_TOPICS]:
+        said = [line for flight in flights for line in (
+            _topics(flight) if flight.metadata.get("topics") else _read_as(flight))]
+        for line in said[:MOST_TOPICS]:
             self.say(line)
         return flights
 
@@ -321,6 +322,11 @@ def _topics(flight: Flight) -> list[str]:
     topics = ", ".join(f"{stream} = {topic}" for stream, topic in flight.metadata["topics"].items())
     return [f"{flight.name}: {topics}", *(f"{flight.name}: {note}" for note in flight.provenance.notes
                                           if any(word in note for word in SAID_OF_BAGS))]
+
+
+def _read_as(flight: Flight) -> list[str]:
+    """What a source decided about frames and streams of its recording."""
+    return [f"{flight.name}: {sentence}" for sentence in flight.metadata.get("read_as") or ()]
 
 
 def _kinds(flights: Sequence[Flight]) -> str:

@@ -128,13 +128,13 @@ COVARIANCE = "# timestamp(s) tx ty tz qx qy qz qw Pr11 Pr12 Pr13 Pr22 Pr23 Pr33 
 FOREIGN: dict[str, Foreign] = {
     "IDSIA raw CSV": Foreign(idsia(), None, ("t", "x_poses", "qx", "and 34 more")),
     "IDSIA Parquet": Foreign(parquet(), None, ("t", "x_mocap", "qx", "m1_erpm")),
-    "EuRoC truth": Foreign(euroc(EUROC, 9), None, ("timestamp", "p_RS_R_x [m]", "q_RS_w []")),
+    "EuRoC truth": Foreign(euroc(EUROC, 9), "euroc"),
     "TUM-VI truth": Foreign(
         euroc("#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z []",
-              0), None, ("timestamp [ns]", "q_RS_w []")),
-    "EuRoC imu": Foreign(imu_asl(), None, ("timestamp [ns]", "w_RS_S_x [rad s^-1]")),
+              0), "euroc"),
+    "EuRoC imu": Foreign(imu_asl(), "euroc"),
     "open_vins truth": Foreign(
-        euroc("#time(ns),px,py,pz,qw,qx,qy,qz,vx,vy,vz,bwx,bwy,bwz,bax,bay,baz", 9), None, ("time(ns)", "px", "qw")),
+        euroc("#time(ns),px,py,pz,qw,qx,qy,qz,vx,vy,vz,bwx,bwy,bwz,bax,bay,baz", 9), "euroc"),
     "TUM without names": Foreign(tum(""), "tum"),
     "TUM, prose above": Foreign(tum("# made by a program, 40 poses"), "tum"),
     "TUM of open_vins": Foreign(tum("# timestamp(s) tx ty tz qx qy qz qw"), "tum"),

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from ...flight import Fault, Flight
+from ...flight import Fault, Flight, poses_alone
 from ...signals.context import Context
 from ...signals.flown_axes import NAMES, UP
 from ...signals.held_poses import ROTATION
@@ -30,7 +30,7 @@ def find(flight: Flight, context: Context) -> list[Fault]:
         what = "the attitude belongs to another body frame, such as that of a hand-held camera or of a sensor"
         return [over_stream(KIND, context.flight, "mocap", ROTATION, frame.foreign_rad, "rad",
                             f"{what}: {frame.evidence}", FOREIGN_RAD)]
-    if frame.world == UP and frame.body not in (None, UP) and set(context.flight.streams) == {"mocap"}:
+    if frame.world == UP and frame.body not in (None, UP) and poses_alone(context.flight):
         what = f"the attitude belongs to a body frame with {NAMES[frame.body]} up"
         if frame.body == (2, -1):
             what += ", or z of its world points down: the motion is too slow to show which"

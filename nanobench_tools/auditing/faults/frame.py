@@ -22,7 +22,7 @@ import math
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ...flight import Fault, Flight
+from ...flight import Fault, Flight, poses_alone
 from ...signals.context import Context
 from ...signals.held_poses import POSITION, ROTATION
 from ...signals.pose_frame import pose_frame
@@ -93,7 +93,7 @@ def _poses(context: Context) -> list[Fault]:
     """At most one fault: of the motion capture."""
     frame = context.once(pose_frame)
     world, body, why = context.once(pose_turn)
-    alone = set(context.flight.streams) == {"mocap"}
+    alone = poses_alone(context.flight)
     if not why and (heading := context.once(wrong_heading)) is not None:
         return [over_stream(KIND, context.flight, "mocap", ROTATION, heading[0], "rad",
                             f"the vehicle does not speed up towards the side to which it tilts: {heading[1]}",

@@ -1,0 +1,105 @@
+"""Recordings of several files: the files of one recording in a folder, or the same files in a zip archive."""
+
+from __future__ import annotations
+
+import hashlib
+import lzma
+import struct
+import zipfile
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol, runtime_checkable
+
+from ..errors import InputError
+from ..flight import Flight
+from .base import Source
+from .payload import MOST_RATIO, SMALL_BYTES, digest, read_file, too_large, unpack
+
+ZIP_MAGIC = b"PK\x03\x04"
+MOST_BYTES = 4 * 1024**3
+"""Of the files of one recording, unpacked: ten hours of an inertial sensor at 1 kHz as text."""
+UNREADABLE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, struct.error, OSError, ValueError, RuntimeError,
+              NotImplementedError)
+
+
+@dataclass(frozen=True)
+class Gathered:
+    """One recording: ``place`` names it in messages, ``label`` is the path from which its name is taken, ``files`` by
+    their names within it."""
+
+    place: Path
+    label: Path
+    files: Mapping[str, Path]
+
+
+@runtime_checkable
+class FolderSource(Source, Protocol):
+    """A format whose recordings are several files. ``gather`` puts files that it recognised together; ``wanted`` names
+    those of an archive that belong to a recording; ``read_members`` gets their unpacked contents by name."""
+
+    def gather(self, paths: Sequence[Path]) -> list[Gathered]: ...
+
+    def wanted(self, names: Sequence[str]) -> list[str]: ...
+
+    def read_members(self, place: Path, members: Mapping[str, bytes]) -> Flight: ...
+
+
+def members_of(files: Mapping[str, Path], wanted: Callable[[Sequence[str]], list[str]]) -> tuple[dict[str, bytes], str]:
+    """Contents by name, of files or of the one archive among them, and where a packed file ends early. InputError that
+    names the file."""
+    if len(files) == 1 and is_zip(path := next(iter(files.values()))):
+        return _unzipped(path, wanted), ""
+    found = {name: unpack(read_file(path), str(path)) for name, path in files.items()}
+    return {name: p.data for name, p in found.items()}, "; ".join(p.broken for p in found.values() if p.broken)
+
+
+def digest_of(members: Mapping[str, bytes]) -> str:
+    """SHA-256 of the contents of a recording: that of its only file, else of the digests of all by name, so that a
+    folder and its archive are the same recording."""
+    if len(members) == 1:
+        return digest(next(iter(members.values())))
+    listed = "".join(f"{name}\0{digest(members[name])}\n" for name in sorted(members))
+    return hashlib.sha256(listed.encode()).hexdigest()
+
+
+def is_zip(path: Path) -> bool:
+    try:
+        with open(path, "rb") as file:
+            return file.read(len(ZIP_MAGIC)) == ZIP_MAGIC
+    except OSError:
+        return False
+
+
+def names_in(path: Path) -> list[str]:
+    """Names in a zip archive; empty for one that cannot be opened."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return archive.namelist()
+    except UNREADABLE:
+        return []
+
+
+def _unzipped(path: Path, wanted: Callable[[Sequence[str]], list[str]]) -> dict[str, bytes]:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = wanted(archive.namelist())
+            infos = [archive.getinfo(name) for name in names]
+            total = sum(info.file_size for info in infos)
+            if total > MOST_BYTES:
+                raise too_large(str(path), total, MOST_BYTES)
+            for info in infos:
+                if info.file_size > SMALL_BYTES and info.file_size > MOST_RATIO * max(info.compress_size, 1):
+                    raise too_large(f"{path}: {info.filename}", info.file_size, MOST_RATIO * info.compress_size)
+            found = {}
+            for info in infos:
+                with archive.open(info) as file:
+                    found[info.filename] = file.read(info.file_size + 1)
+                if len(found[info.filename]) > info.file_size:  # it says less than it holds
+                    raise too_large(f"{path}: {info.filename}", len(found[info.filename]), info.file_size)
+            return found
+    except UNREADABLE as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(str(path), f"the archive is damaged ({str(error)[:80]})", "take another copy") from None
