@@ -31,6 +31,7 @@ from .strangers import STRANGE, why_strange
 from .table import TableSource
 
 BLANK = b"\x00 \r\n\t"
+PICTURE = "a picture or a point cloud"
 PACKED_SUFFIXES = (".xz", ".gz")
 Progress = Callable[[int, int, str], None]
 
@@ -141,7 +142,7 @@ def find_recordings(paths: Sequence[Path | str],
             if name is not None:
                 found.append((path, name, start))
             elif start.startswith(PICTURES):
-                failed.append({"path": str(path), "error": f"{path}: {STRANGE}; a picture or a point cloud"})
+                failed.append({"path": str(path), "error": f"{path}: {STRANGE}; {PICTURE}"})
             elif (why := _stranger(path, known)) is not None:
                 failed.append({"path": str(path), "error": f"{path}: {why}"})
         except NanobenchError as error:
@@ -155,9 +156,8 @@ def find_recordings(paths: Sequence[Path | str],
     behind = {path for parts in bags.values() for path in parts.paths[1:]}
     found = [entry for entry in found if entry[0] not in behind]
     found, labelled, members = _gathered(found, known)
-    folders = [place for place, files in members.items() if len(files) > 1]
-    failed[:] = [f for f in failed if not any(Path(f["path"]).is_relative_to(place) and STRANGE in f["error"]
-                                              for place in folders)]
+    folders = {p.parent.parent for files in members.values() for name, p in files if "/" in name}
+    failed[:] = [f for f in failed if not (_is_picture(f) and any(Path(f["path"]).is_relative_to(p) for p in folders))]
     names = _labels([labelled.get(path, path) for path, _, _ in found])
     recordings = []
     for (path, source, start), label in zip(found, names, strict=True):
@@ -170,6 +170,10 @@ def find_recordings(paths: Sequence[Path | str],
                                  parts.lost)
                        for vehicle in _vehicles(known[source], parts.paths)]
     return recordings, failed
+
+
+def _is_picture(failure: Mapping[str, str]) -> bool:
+    return failure["error"].endswith(PICTURE)
 
 
 Found = list[tuple[Path, str, bytes]]

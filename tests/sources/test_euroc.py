@@ -157,6 +157,14 @@ def test_damaged_rows_are_findings(tmp_path):
     assert len(flight["mocap"]) == len(lines) - 3
 
 
+def test_a_sensor_whose_names_are_damaged_is_listed(tmp_path):
+    files = {**members(), **CAMERA}
+    files["imu0/data.csv"] = files["imu0/data.csv"].split(b"\n", 1)[1]
+    loaded = load_recordings([write_folder(tmp_path, files)], cache=False)
+    assert [set(f.streams) for f in loaded.flights] == [{"mocap", "extra_imu_bias"}]
+    assert ["imu0/data.csv" in f["error"] for f in loaded.failed] == [True]
+
+
 def test_open_vins_tables_are_the_same_columns():
     line = "#time(ns),px,py,pz,qw,qx,qy,qz,vx,vy,vz,bwx,bwy,bwz,bax,bay,baz"
     found = columns_of(line)
