@@ -57,37 +57,48 @@ class TableSource:
 
     def read(self, path: Path, data: bytes, sheet: Sheet | None = None) -> Flight:
         place = str(path)
-        cells = _parquet(data, place, self.map) if data.startswith(PARQUET_MAGIC) else _text(data, place, self.map)
-        for time in self.map.times:
-            if _key(time) not in cells.columns:
-                raise InputError(f"{place}: column {time.column}", "is not there or holds no number",
-                                 f"{self.map.path} names it as time")
-        readable = np.isfinite(np.sum([cells.columns[_key(time)] for time in self.map.times], axis=0))
-        kept = np.flatnonzero(readable)
-        if not len(kept):
-            raise InputError(f"{place}: column {self.map.time.column}", "holds no time", "rows cannot be placed")
-        epoch, time_s = _seconds(self.map, cells, kept)
-        steps = np.diff(time_s)
-        if len(steps) > 1 and 2 * np.count_nonzero(steps < 0.0) >= np.count_nonzero(steps > 0.0):
-            raise InputError(f"{place}: column {self.map.time.column}", "is no time: it falls as often as it rises, or "
-                             "stands still", f"{self.map.path} names it as time")
-        for time in self.map.times:
-            cells.bad.pop(_key(time), None)
-        cells.lost += [LostRow(int(cells.lines[r]), int(r) - 1, f"no time in column {self.map.time.column}")
-                       for r in np.flatnonzero(~readable)]
-        streams, faults = _streams(self.map, cells, time_s, kept)
-        if not streams:
-            raise InputError(place, f"no column of {self.map.path} holds a number", "check the names in the map")
-        end = float(time_s[-1])
-        faults += cell_faults(cells, time_s, kept, {_key(e): e.stream for e in self.map.entries})
-        if cells.truncated:
-            faults.append(text_fault("truncated", "", (), cells.truncated, (end, end), 1.0, "rows"))
-        used = set(self.map.columns)
-        notes = [*cells.notes, *(f"column {c} is not in the map" for c in cells.empty if c not in used)]
-        return Flight(path.name, streams,
-                      {"family": None, "speed": None, "reference_speed_m_s": None, "vehicle": dict(self.map.vehicle)},
-                      Provenance(place, "", self.name, findings=tuple(faults), notes=tuple(notes),
-                                 assumptions=self.map.assumptions), epoch_s=epoch)
+        cells = cells_of(data, place, self.map)
+        return flight_of(self.map, cells, path, self.name)
+
+
+def cells_of(data: bytes, place: str, column_map: ColumnMap) -> Grid:
+    """The columns of a map as numbers, of a text table or a Parquet file."""
+    return _parquet(data, place, column_map) if data.startswith(PARQUET_MAGIC) else _text(data, place, column_map)
+
+
+def flight_of(column_map: ColumnMap, cells: Grid, path: Path, source: str) -> Flight:
+    """The flight of a table whose columns ``column_map`` gives. InputError where it has no time or no stream."""
+    place = str(path)
+    for time in column_map.times:
+        if _key(time) not in cells.columns:
+            raise InputError(f"{place}: column {time.column}", "is not there or holds no number",
+                             f"{column_map.path} names it as time")
+    readable = np.isfinite(np.sum([cells.columns[_key(time)] for time in column_map.times], axis=0))
+    kept = np.flatnonzero(readable)
+    if not len(kept):
+        raise InputError(f"{place}: column {column_map.time.column}", "holds no time", "rows cannot be placed")
+    epoch, time_s = _seconds(column_map, cells, kept)
+    steps = np.diff(time_s)
+    if len(steps) > 1 and 2 * np.count_nonzero(steps < 0.0) >= np.count_nonzero(steps > 0.0):
+        raise InputError(f"{place}: column {column_map.time.column}", "is no time: it falls as often as it rises, or "
+                         "stands still", f"{column_map.path} names it as time")
+    for time in column_map.times:
+        cells.bad.pop(_key(time), None)
+    cells.lost += [LostRow(int(cells.lines[r]), int(r) - 1, f"no time in column {column_map.time.column}")
+                   for r in np.flatnonzero(~readable)]
+    streams, faults = _streams(column_map, cells, time_s, kept)
+    if not streams:
+        raise InputError(place, f"no column of {column_map.path} holds a number", "check the names in the map")
+    end = float(time_s[-1])
+    faults += cell_faults(cells, time_s, kept, {_key(e): e.stream for e in column_map.entries})
+    if cells.truncated:
+        faults.append(text_fault("truncated", "", (), cells.truncated, (end, end), 1.0, "rows"))
+    used = set(column_map.columns)
+    notes = [*cells.notes, *(f"column {c} is not in the map" for c in cells.empty if c not in used)]
+    return Flight(path.name, streams,
+                  {"family": None, "speed": None, "reference_speed_m_s": None, "vehicle": dict(column_map.vehicle)},
+                  Provenance(place, "", source, findings=tuple(faults), notes=tuple(notes),
+                             assumptions=column_map.assumptions), epoch_s=epoch)
 
 
 def _seconds(column_map: ColumnMap, cells: Grid, kept: np.ndarray) -> tuple[float, np.ndarray]:

@@ -76,7 +76,7 @@ class UsdLog:
             raise InputError(str(path), "a uSD log without any record",
                              "logging was never started, or the card lost it")
         start = min(int(r["time"][0]) for r in filled.values())
-        streams, faults = _streams(log, filled, start, unit)
+        streams, faults = streams_of(log, filled, start, unit)
         if not streams:
             raise InputError(str(path), "a uSD log without any variable", "its configuration named none")
         end = max(s.span.end_s for s in streams.values())
@@ -195,7 +195,8 @@ def _faults(fault: tuple[str, str] | None, end: float) -> tuple[Fault, ...]:
     return (text_fault(kind, "", (), evidence, (0.0 if kind == "checksum" else end, end)),)
 
 
-def _streams(log: Log, filled: dict[int, np.ndarray], start: int, unit: float) -> tuple[dict[str, Stream], list[Fault]]:
+def streams_of(log: Log, filled: dict[int, np.ndarray], start: int,
+               unit: float) -> tuple[dict[str, Stream], list[Fault]]:
     """Every quantity once, and faults of its values. A stream comes from the event type that has most of it; the rest
     goes to extra."""
     plans = {i: ecosystem("crazyflie").assign(log.types[i].variables) for i in filled}

@@ -126,7 +126,7 @@ def _plain(names: str, **columns: np.ndarray) -> bytes:
 COVARIANCE = "# timestamp(s) tx ty tz qx qy qz qw Pr11 Pr12 Pr13 Pr22 Pr23 Pr33 Pt11 Pt12 Pt13 Pt22 Pt23 Pt33"
 
 FOREIGN: dict[str, Foreign] = {
-    "IDSIA raw CSV": Foreign(idsia(), None, ("t", "x_poses", "qx", "and 34 more")),
+    "IDSIA raw CSV": Foreign(idsia(), "idsia"),
     "IDSIA Parquet": Foreign(parquet(), None, ("t", "x_mocap", "qx", "m1_erpm")),
     "EuRoC truth": Foreign(euroc(EUROC, 9), "euroc"),
     "TUM-VI truth": Foreign(
@@ -160,7 +160,7 @@ FOREIGN: dict[str, Foreign] = {
     "neural-swarm CSV": Foreign(
         lines(NEURAL_SWARM, [",".join([f"{9927 + 9874 * k:.18e}", *["1.0e+00"] * 25]) for k in range(ROWS)]), None,
         ("time[ms]", "x[m]")),
-    "neural-swarm log": Foreign(old_usd(), None),
+    "neural-swarm log": Foreign(old_usd(), "usd_blocks"),
     "DIDO HDF5": Foreign(b"\x89HDF\r\n\x1a\n" + bytes(400), None),
     "Bitcraze npy": Foreign(b"\x93NUMPY\x01\x00v\x00{'descr': '<f8', 'fortran_order': False, 'shape': (2, 4), }\n"
                             + np.ones((2, 4)).tobytes(), None),
