@@ -17,6 +17,7 @@ GOOD_FOR: dict[str, tuple[str, str]] = {
     "euroc": ("EuRoC, TUM-VI: ASL folder, zip or table", "audit, estimate, noise"),
     "idsia": ("IDSIA nano-quadrotor, raw CSV or Parquet", "audit, motors; its poses are positions only"),
     "usd_blocks": ("Crazyflie uSD deck log before events (Crazyswarm)", "audit, thrust where it has an accelerometer"),
+    "uzhfpv": ("UZH-FPV text: imu.txt with its groundtruth.txt", "audit, estimate, noise"),
     "stand": ("thrust-stand table", "thrust: force from PWM, voltage and rotor speed"),
     "tum": ("TUM trajectory", "truth or an estimate: convert --mocap, estimate --trajectory-dir"),
     "ulog": ("PX4 log (.ulg)", "audit, diagnose; estimate where motion capture was logged"),

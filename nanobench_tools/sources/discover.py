@@ -191,6 +191,8 @@ def _gathered(found: Found, known: Mapping[str, Source]) -> tuple[
                 kept.append((group.place, name, b""))
                 labels[group.place] = group.label
                 members[group.place] = tuple(group.files.items())
+    inside = {path for files in members.values() for _, path in files}
+    kept = [entry for entry in kept if entry[0] in members or entry[0] not in inside]
     return sorted(kept, key=lambda entry: entry[0].parts), labels, members
 
 

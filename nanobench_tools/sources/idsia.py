@@ -90,7 +90,7 @@ def _grid(data: bytes, place: str) -> Grid:
         grid.columns = {name: np.array(cells) for name, cells in grid.columns.items()}
         return grid
     try:
-        table = pq.read_table(pa.BufferReader(data))
+        table = pq.read_table(pa.BufferReader(data), page_checksum_verification=True)
     except (pa.ArrowException, OSError, ValueError) as error:
         raise InputError(place, f"cannot be read as Parquet ({str(error).splitlines()[0][:80]})",
                          "take another copy") from None

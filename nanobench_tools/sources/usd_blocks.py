@@ -31,6 +31,8 @@ MOST_ROWS = 64
 """Of a block; 1 to 24 were seen. A larger number is damage."""
 DECIDED = 0.3
 """Correlation with the turning of the attitude from which on the sign of the pitch rate is shown."""
+MOVES_RAD_S = 0.1
+"""Standard deviation of the turning below which the vehicle stands, and noise decides the correlation."""
 LAG = 8
 """Rows over which the attitude is compared with the rate: 80 ms at 100 Hz, since it is logged with 0.1 deg digits."""
 _NAME = re.compile(rb"([A-Za-z_][\w.]*)\(([BbHhIif])\)")
@@ -181,7 +183,7 @@ def _pitch_rate(imu: Stream, attitude: Stream) -> tuple[Stream, str]:
     seen = np.interp(middle, imu.time_s, smooth)
     known = np.isfinite(turned)
     r = float(np.corrcoef(seen[known], turned[known])[0, 1]) if known.sum() > LAG and np.std(seen[known]) > 0.0 and (
-        np.std(turned[known]) > 0.0) else 0.0
+        np.std(turned[known]) > MOVES_RAD_S) else 0.0
     values = imu.values.copy()
     if abs(r) < DECIDED:
         values[:, imu.index("gyro_y")] *= -1.0
