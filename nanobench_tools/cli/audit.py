@@ -40,10 +40,22 @@ def audit(options: Options) -> int:
     body = audit_body(flights, audits, copies)
     verb = next((v for v in NEXT if any(not entry["can"][v] for entry in body["flights"])), "")
     command = ("nanobench", verb, *same(options)) if verb else () if options.verbose else again("--verbose")
+    uses = [uses_of(entry) for entry in body["flights"]]
     close(options, audit_sentence(body), NEXT.get(verb, "every fault with its evidence"), *command,
-          screen=[*audit_screen(options, audits, copies), *assumed(flights)],
-          detail=[*audit_detail(options, audits, copies), *assumed(flights)])
+          screen=[*audit_screen(options, audits, copies), *uses[:1 if len(uses) == 1 else 0], *assumed(flights)],
+          detail=[*audit_detail(options, audits, copies), *uses, *assumed(flights)])
     return options.finish("audit", body)
+
+
+def uses_of(entry: Mapping[str, Any]) -> str:
+    """The verbs that a recording suffices for, and what it lacks for the others, in one line."""
+    lacks: dict[str, list[str]] = {}
+    for verb, lack in entry["can"].items():
+        lacks.setdefault(lack, []).append(verb)
+    good = lacks.pop("", [])
+    others = "; ".join(f"{', '.join(verbs)}: {lack}" for lack, verbs in lacks.items())
+    return one_line(f"{entry['flight']} suffices for {', '.join(good) or 'no verb'}" + (f". Not for {others}" if others
+                                                                                        else ""))
 
 
 def assumed(flights: Sequence[Flight]) -> list[str]:
