@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import inspect
+import tomllib
+from importlib import resources
 
 import click
 
@@ -15,8 +17,8 @@ GOOD_FOR: dict[str, tuple[str, str]] = {
     "nanobench": ("NanoBench CSV with its sheet", "every verb"),
     "usd": ("Crazyflie uSD deck log", "audit, thrust, motors; with convert --mocap also estimate"),
     "euroc": ("EuRoC, TUM-VI: ASL folder, zip or table", "audit, estimate, noise"),
-    "idsia": ("IDSIA nano-quadrotor, raw CSV or Parquet", "audit, motors; its poses are positions only"),
-    "usd_blocks": ("Crazyflie uSD deck log before events (Crazyswarm)", "audit, thrust where it has an accelerometer"),
+    "idsia": ("IDSIA nano-quadrotor, raw CSV or Parquet", "audit: no attitude by motion capture, no accelerometer"),
+    "usd_blocks": ("Crazyflie uSD deck log before events (Crazyswarm)", "audit: estimate, commands, gyro, battery"),
     "uzhfpv": ("UZH-FPV text: imu.txt with its groundtruth.txt", "audit, estimate, noise"),
     "stand": ("thrust-stand table", "thrust: force from PWM, voltage and rotor speed"),
     "tum": ("TUM trajectory", "truth or an estimate: convert --mocap, estimate --trajectory-dir"),
@@ -26,6 +28,7 @@ GOOD_FOR: dict[str, tuple[str, str]] = {
     "table": ("your own CSV or Parquet", "what its columns hold; first: nanobench columns FILE"),
 }
 """Source -> (what it is, what its recordings are good for)."""
+DATASET_KEYS = ("name", "read", "licence", "size", "get", "use")
 
 
 @click.command()
@@ -33,7 +36,8 @@ GOOD_FOR: dict[str, tuple[str, str]] = {
 def sources(options: Options) -> int:
     """The formats of recordings that are read, and what each is good for; those of other packages, too.
 
-    A file is recognised by its content, not by its name.
+    A file is recognised by its content, not by its name. Option --verbose also lists public data sets with licence,
+    size, where to get them, and what each is good for. Nothing is downloaded.
     """
     from ..lookup.registry import load_all
     from ..sources.discover import default_data
@@ -44,7 +48,20 @@ def sources(options: Options) -> int:
             found[name] = (((inspect.getdoc(kind) or "").splitlines() or [""])[0], "see its package")
     table = Table.plain("", ("source", "format", "good for"), [
         (one_line(name), one_line(what), one_line(use)) for name, (what, use) in found.items()])
-    close(options, f"{len(found)} formats", *(("what is in yours", "nanobench", "audit") if default_data() else (
-        "recordings to try", "nanobench", "simulate", "--flights", "3", "--out", "practice")), screen=[table])
+    known = datasets()
+    listed = Table.plain("Public data sets", ("data set", "read by", "licence", "size", "get it", "good for"), [
+        tuple(one_line(entry[key]) or "-" for key in DATASET_KEYS) for entry in known])
+    then = ("what is in yours", "nanobench", "audit") if default_data() else (
+        "recordings to try", "nanobench", "simulate", "--flights", "3", "--out", "practice")
+    close(options, f"{len(found)} formats, {len(known)} public data sets (--verbose)", *then, screen=[table],
+          detail=[table, listed])
     return options.finish("sources", {"sources": [{"source": name, "format": what, "good_for": use}
-                                                  for name, (what, use) in found.items()]})
+                                                  for name, (what, use) in found.items()],
+                                      "datasets": known})
+
+
+def datasets() -> list[dict[str, str]]:
+    """Public data sets: name, read (sources that open its files), licence, size, get, use; "unknown" where the files
+    that were looked at do not state it."""
+    text = resources.files("nanobench_tools.sources").joinpath("datasets.toml").read_text(encoding="utf-8")
+    return [{key: str(entry[key]) for key in DATASET_KEYS} for entry in tomllib.loads(text)["dataset"]]

@@ -1,0 +1,51 @@
+"""docs/sources.md is what its command writes, and sources hold what it says."""
+
+from __future__ import annotations
+
+import pytest
+from asl_samples import members, write_folder
+from foreign_files import FOREIGN
+from test_idsia import columns, text
+from test_usd_blocks import log
+from test_uzhfpv import write
+
+from nanobench_tools.flight import kept_apart
+from nanobench_tools.lookup.registry import names
+from nanobench_tools.sources import load_recordings
+from nanobench_tools.sources.contents import CONTENTS
+from tools.source_matrix import PAGE, cell, flight_of, page
+
+
+def file_of(source, folder):
+    if source == "euroc":
+        return write_folder(folder, members())
+    if source == "uzhfpv":
+        return write(folder / "flight")
+    header, blocks = log()
+    data = {"idsia": text(columns()), "usd_blocks": header + b"".join(blocks),
+            "tum": FOREIGN["TUM of rpg"].data}[source]
+    (folder / "a").write_bytes(data)
+    return folder / "a"
+
+
+@pytest.mark.parametrize("source", ["euroc", "uzhfpv", "idsia", "usd_blocks", "tum"])
+def test_contents_are_those_of_a_file_of_the_source(source, tmp_path):
+    (flight,) = load_recordings([file_of(source, tmp_path)], cache=False).flights
+    assert flight.provenance.source == source
+    assert {n: set(s.quantities) for n, s in flight.streams.items() if not kept_apart(n)} == {
+        n: set(quantities) for n, quantities in CONTENTS[source].items()}
+
+
+def test_the_page_is_what_the_command_writes():
+    assert PAGE.read_text(encoding="utf-8") == page()
+
+
+def test_every_source_of_this_package_has_a_row():
+    ours = {name for name in names("sources") if name not in ("foreign", "example")}
+    assert set(CONTENTS) <= ours
+
+
+def test_cells_say_what_is_missing():
+    assert cell("estimate", flight_of(CONTENTS["euroc"])) == "works"
+    assert cell("estimate", flight_of(CONTENTS["tum"])) == "in part: only --trajectory-dir (no imu stream)"
+    assert cell("sysid", flight_of(CONTENTS["euroc"])) == "no: no motor stream"
