@@ -87,7 +87,7 @@ def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, .
         if set(protocols) & set(PUBLISHED):
             raise UsageError(f"--clock {options.clock} goes with --protocol clean, aided, blackout and whole-flight "
                              "only: the published table was made as recorded")
-        scored, protocols = further, protocols or ("clean",)
+        scored, protocols = further or scored, protocols or ("clean",)
     if not protocols and not methods and nothing_logged(flights):
         protocols = WITHOUT_LOG
         options.say("no onboard estimate is logged: estimators are scored with few poses (aided) and after the last "

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 import nanobench_tools as nb
@@ -36,3 +38,12 @@ def test_the_verb_writes_the_same_files(tmp_path, nanobench):
     assert "3 SYNTHETIC recordings" in out
     assert {f.name: f.read_bytes() for f in (tmp_path / "s").iterdir()} == {f.name: f.read_bytes()
                                                                         for f in SAMPLE.iterdir()}
+
+
+@pytest.mark.slow
+def test_the_logged_estimate_is_scored_on_another_clock_without_a_method(nanobench, tmp_path):
+    code, _, err = nanobench("estimate", SAMPLE, "--protocol", "clean", "--clock", "retimed", "--quiet",
+                             "--json", tmp_path / "e.json")
+    assert (code, err) == (0, "")
+    rows = json.loads((tmp_path / "e.json").read_text())["rows"]
+    assert ("onboard_ekf", "retimed") in {(row["method"], row["clock"]) for row in rows}
