@@ -8,7 +8,7 @@ JOBS ?= $(shell nproc 2>/dev/null || echo 2)
 # One test process more than there are cores: some tests wait for sockets, for each other or for what another compiles.
 TEST_JOBS ?= $(shell expr $(JOBS) + 1)
 
-.PHONY: run test test-slow lint types pytest pytest-slow learned learned-slow bench figures figures-slow clean help
+.PHONY: docs run test test-slow lint types pytest pytest-slow learned learned-slow bench figures figures-slow clean help
 
 help:
 	@echo "make run    install, then audit, the three tasks and the report into ./$(OUT)"
@@ -17,6 +17,7 @@ help:
 	@echo "make test-slow  the slow proofs that make test leaves out"
 	@echo "make bench  speed benchmarks, as ratios against a peer or a plain version in one run, kept in a table"
 	@echo "make figures  every number of README and docs from results; RESULTS=DIR takes those of earlier commands"
+	@echo "make docs   the site, into build/site; every warning is an error, every link is checked"
 	@echo "make clean  remove the virtual environment, results and compiled models of the tests"
 
 # The stamps make an installation happen once per change of what is to be installed. An installation under the former
@@ -37,6 +38,10 @@ $(VENV)/.installed-test: setup.cfg pyproject.toml constraints.txt | $(BIN)/pytho
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[report,identification,smoothers,mpc,rotorpy,cluster,control,tune,ulog,rosbag,radio,viewer,learned,test]"
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -c constraints.txt evo allantools
 	@touch $@ $(VENV)/.installed
+
+$(VENV)/.installed-docs: setup.cfg pyproject.toml constraints.txt $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[docs]"
+	@touch $@
 
 run: $(VENV)/.installed
 	$(BIN)/nanobench run --out $(OUT) --jobs $(JOBS)
@@ -81,6 +86,10 @@ figures: $(VENV)/.installed
 
 figures-slow: $(VENV)/.installed
 	$(BIN)/python -m tools.figures --results $(or $(RESULTS),$(OUT)) --run slow
+
+docs: $(VENV)/.installed-docs
+	$(BIN)/python -m mkdocs build --strict --quiet
+	$(BIN)/python -m tools.docs_site.check_links build/site
 
 clean:
 	rm -rf $(VENV) $(OUT) build

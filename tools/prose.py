@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "docs/**/*.md")
-CODE = ("nanobench_tools", "estimators", "controllers", "identification", "benchmarks", "notebooks", "docs")
+CODE = ("nanobench_tools", "estimators", "controllers", "identification", "benchmarks", "notebooks")
 MESSAGE_WORDS = 5
 """A shorter constant is a key, a name or a label rather than a sentence."""
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from ..methods import Controller
 from .loading import Flights
 
 
-def simulate(n: int = 1, seed: int = 0, family: str | None = None, seconds: float | None = None) -> Flights:
+def simulate(n: int = 1, seed: int = 0, family: str | None = None, seconds: float | None = None,
+             controller: Controller | None = None) -> Flights:
     """n made-up flights (SYNTHETIC), each of a different vehicle, flown on a path and logged as the recordings are.
 
-    family: of the path (``circle``, ``figure_eight`` ...; None: all in turn); seconds: length of the path. The same
-    arguments give the same flights, which are kept in the cache: half a minute the first time. UsageError for an
-    unknown family.
+    family: of the path (``circle``, ``figure_eight`` ...; None: all in turn); seconds: length of the path. controller:
+    your own, which flies all of them; None: the onboard PID and Mellinger. The same arguments give the same flights.
+    Without a controller of yours they are kept in the cache: half a minute the first time. UsageError for an unknown
+    family.
 
     >>> import nanobench_tools as nb
     >>> nb.simulate(2, seed=1, seconds=12.0)[0].provenance.synthetic
@@ -27,6 +30,8 @@ def simulate(n: int = 1, seed: int = 0, family: str | None = None, seconds: floa
     if family is not None:
         path_spec(family)  # says which there are
     families = None if family is None else (family,)
+    if controller is not None:
+        return Flights(practice_flights(n, seed, families=families, duration_s=seconds, controller=controller))
     key = item_key(practice_flights, {"n": n, "seed": seed, "families": families, "duration_s": seconds})
     entries = [cache.entry_path(f"{key}{i:06d}", "practice", 1) for i in range(n)]
     kept = [cache.fetch(entry, entry.name, "") for entry in entries]

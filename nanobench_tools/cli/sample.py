@@ -33,6 +33,6 @@ def sample(options: Options) -> int:
                              "give another place") from None
         written.append(str(folder / file.name))
     options.out = None
-    close(options, f"{len(written) // 2} SYNTHETIC recordings written to {folder}", "what is wrong with them",
+    close(options, f"{len(written) // 2} SYNTHETIC recordings written to {folder}", "find their faults",
           "nanobench", "audit", str(folder))
     return options.finish("sample", {"files": written})

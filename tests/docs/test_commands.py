@@ -48,7 +48,7 @@ def wrong(text: str) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("page", pages(), ids=lambda p: p.name)
+@pytest.mark.parametrize("page", [*pages(), *sorted((ROOT / "docs").glob("*/*.md"))], ids=lambda p: p.name)
 def test_commands_of_a_page_exist(page: Path) -> None:
     assert wrong(code_of(page.read_text())) == []
 

@@ -1,0 +1,258 @@
+"""Pages of the site that are written from the code at each build, so that they cannot differ from it."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import functools
+import importlib
+import inspect
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from nanobench_tools.auditing.faults.kinds import kinds
+from nanobench_tools.cli.main import VERBS, cli
+from nanobench_tools.lookup import registry
+
+from .docstring_text import cell, markdown
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE: Any = importlib.import_module("nanobench_tools")
+PACKAGES = ("nanobench_tools", "estimators", "controllers", "identification")
+
+FUNCTIONS = {
+    "Recordings": ("sample", "load", "load_flight", "simulate", "audit", "report"),
+    "Where was it": ("estimate", "compare"),
+    "What physics does it obey": ("fit", "thrust", "motors"),
+    "How would another controller fly it": ("control", "tune"),
+    "Where is my simulator wrong": ("diagnose", "prove"),
+}
+"""Functions of ``nb`` in the order of the reference; a test checks that none is missing."""
+
+RESULT_FILES = {
+    "audit.json": ("nanobench audit", ["nanobench_tools.auditing.recording_audit:Audit", "nanobench_tools.flight:Fault",
+                                       "nanobench_tools.flight:Span"]),
+    "estimate.json": ("nanobench estimate", ["nanobench_tools.steps.result_bodies:EstimateBody",
+                                             "nanobench_tools.protocols.result_rows:EstimateRow",
+                                             "nanobench_tools.steps.result_bodies:TakenOut"]),
+    "control.json": ("nanobench control", ["nanobench_tools.steps.result_bodies:ControlBody",
+                                           "nanobench_tools.protocols.task2:TrackingRow"]),
+    "sysid.json": ("nanobench sysid", ["nanobench_tools.steps.result_bodies:SysidBody",
+                                       "nanobench_tools.protocols.task1:PredictionRow"]),
+    "verdict.json": ("nanobench diagnose", ["identification.mismatch.verdict:Verdict",
+                                            "identification.mismatch.decide:Finding"]),
+    "thrust.json": ("nanobench thrust", ["identification.thrust.thrust_result:ThrustResult"]),
+}
+"""Result file -> its command and the classes whose fields are its keys."""
+
+
+def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
+    lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
+    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)])
+
+
+def place_of(name: str) -> str:
+    """Return the full path of a public name of ``nb``."""
+    module = next(module for module, names in PACKAGE._PLACES.items() if name in names)
+    return f"nanobench_tools.{module}.{name}"
+
+
+def python_functions() -> str:
+    parts = ["# Python functions", "`import nanobench_tools as nb`. Every function raises `nb.InputError` for a bad "
+             "file or column, `nb.UsageError` for a bad argument, and `nb.MissingExtraError` for a missing extra."]
+    for title, names in FUNCTIONS.items():
+        parts.append(f"## {title}")
+        parts += [f"::: {place_of(name)}" for name in names]
+    return "\n\n".join(parts)
+
+
+def python_classes() -> str:
+    functions = {name for names in FUNCTIONS.values() for name in names}
+    results = sorted(name for name in PACKAGE.__all__ if name not in functions and name != "__version__"
+                     and place_of(name).split(".")[1] == "api")
+    data = sorted(name for name in PACKAGE.__all__ if name != "__version__" and place_of(name).split(".")[1] == "flight")
+    errors = sorted(name for name in PACKAGE.__all__ if name != "__version__" and place_of(name).split(".")[1] == "errors")
+    return "\n\n".join(["# Python classes", "## Results", *(f"::: {place_of(n)}" for n in results),
+                        "## Recordings", *(f"::: {place_of(n)}" for n in data if n != "make_stream"),
+                        "::: nanobench_tools.flight.make_stream",
+                        "## Errors", *(f"::: {place_of(n)}" for n in errors)])
+
+
+def protocols() -> str:
+    from nanobench_tools import methods
+
+    names = [name for name, value in vars(methods).items()
+             if inspect.isclass(value) and value.__module__ == methods.__name__]
+    head = ("# Protocols of methods\n\nAn estimator, predictor or controller is any object with these attributes. "
+            "[Your own methods](../own_methods.md) has examples.")
+    return "\n\n".join([head, *(f"::: nanobench_tools.methods.{name}" for name in names)])
+
+
+def command_line() -> str:
+    parts = ["# Command line", "What each verb prints for `--help --verbose`. See also "
+             "[the overview](../command_line.md)."]
+    for verb, (sentence, example) in VERBS.items():
+        context = click.Context(cli, info_name="nanobench", terminal_width=96, max_content_width=96)
+        command = cli.get_command(context, verb)
+        assert command is not None
+        text = command.get_help(click.Context(command, parent=context, info_name=verb, terminal_width=96,
+                                              max_content_width=96))
+        parts.append(f"## nanobench {verb} {{ #{verb} }}\n\n{sentence}\n\n```sh\n{example}\n```\n\n"
+                     f"```text\n{text}\n```")
+    return "\n\n".join(parts)
+
+
+def faults() -> str:
+    """Every kind of fault: what it is, how it is found, its smallest size, what the audit does with the rows."""
+    done = {"cut": "The rows are not used.", "corrected": "The values are corrected with `--clock retimed`.",
+            "noted": "The rows are kept and the fault is reported.", "information": "For information."}
+    rows, parts = [], []
+    for name, kind in sorted(kinds().items()):
+        rows.append((f"[`{name}`](#{name})", cell(kind.sentence), cell(kind.severity)))
+        body = markdown(kind.doc.partition(":")[2].strip() if kind.doc.startswith(name) else kind.doc)
+        parts.append(f"## {name} {{ #{name} }}\n\n{body[:1].upper()}{body[1:]}\n\n"
+                     f"*{done[kind.severity]}*" + (f" Advice: {cell(kind.advice)}." if kind.advice else ""))
+    return "\n\n".join(["# Faults of recordings", "What `nanobench audit` looks for.",
+                        _table(("kind", "meaning", "its rows"), rows), *parts])
+
+
+def terms() -> str:
+    rows, parts = [], []
+    for name, term in registry.load_all("terms").items():
+        rows.append((f"[`{name}`](#{name})", cell(term.sentence)))
+        parameters = _table(("parameter", "unit", "meaning"), [
+            (f"`{p.name}`", cell(p.unit), cell(str(getattr(p, "sentence", "") or getattr(p, "meaning", "") or "")))
+            for p in term.parameters])
+        confused = "".join(f"\n- `{other}`: {cell(how)}" for other, how in term.confused_with.items())
+        parts.append("\n\n".join([f"## {name} {{ #{name} }}", markdown(term.sentence),
+                                  f"```text\n{term.equation}\n```", parameters,
+                                  *(["Easily confused with, and the flight that separates them:\n" + confused]
+                                    if confused else [])]))
+    return "\n\n".join(["# Physics terms", "A simulator is a list of these terms. `nanobench diagnose` tests each of "
+                        "them.", _table(("term", "effect"), rows), *parts])
+
+
+def methods_of(group: str) -> list[tuple[str, str]]:
+    return [(name, next(iter(markdown(inspect.getdoc(found) or "").split("\n\n")), ""))
+            for name, found in registry.load_all(group).items()]
+
+
+def methods() -> str:
+    parts = ["# Registered methods", "Names for `--method`, `--controller` and the functions of `nb`. "
+             "[Add yours](../howto/add_an_estimator.md)."]
+    for group, title in (("estimators", "Estimators"), ("predictors", "Predictors"), ("controllers", "Controllers"),
+                         ("simulators", "Simulators")):
+        parts.append(f"## {title}")
+        parts.append(_table(("name", "what it is"), [(f"`{name}`", cell(text)) for name, text in methods_of(group)]))
+    return "\n\n".join(parts)
+
+
+def sources() -> str:
+    from nanobench_tools.cli.sources import GOOD_FOR
+
+    parts = ["# Sources", "A file is recognised by its content, not by its name. "
+             "[Recordings](../recordings.md) explains how to bring your own.",
+             _table(("source", "format", "good for"), [(f"`{n}`", cell(a), cell(b)) for n, (a, b) in GOOD_FOR.items()])]
+    for name, kind in registry.load_all("sources").items():
+        parts.append(f"## {name} {{ #{name} }}\n\n{markdown(inspect.getdoc(kind) or '')}")
+    return "\n\n".join(parts)
+
+
+def _load(place: str) -> Any:
+    module, _, name = place.partition(":")
+    return getattr(importlib.import_module(module), name)
+
+
+def schemas() -> str:
+    """Keys of the result files, from the classes that are written."""
+    parts = ["# Result files", "Every verb writes JSON with `--json FILE` or into `--out DIR`. Each file begins with "
+             "`version`, `command`, `synthetic` and `manifest`. Numbers are in SI units unless the key names another; "
+             "missing numbers are `null`.", "A simulator is a TOML file: [simulator.toml](#simulator)."]
+    for file, (command, places) in RESULT_FILES.items():
+        parts.append(f"## {file}\n\nWritten by `{command}`.")
+        for place in places:
+            found = _load(place)
+            rows = [(f"`{f.metadata.get('key', f.name)}`", cell(f"`{f.type}`"),
+                     "absent where empty" if f.metadata.get("optional") else
+                     "its keys are among these" if f.metadata.get("inline") else "")
+                    for f in dataclasses.fields(found)]
+            parts.append(f"### {found.__name__}\n\n{markdown(inspect.getdoc(found) or '')}\n\n"
+                         + _table(("key", "type", ""), rows))
+    from nanobench_tools.physics import simulator
+
+    parts.append("## simulator.toml { #simulator }\n\n" + markdown(inspect.getdoc(simulator) or ""))
+    return "\n\n".join(parts)
+
+
+@functools.cache
+def error_calls() -> dict[str, list[tuple[str, str, str]]]:
+    """Return {error class: [(module, message, remedy)]} of every error the code raises, in the order of the files."""
+    found: dict[str, list[tuple[str, str, str]]] = defaultdict(list)
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            source = path.read_text(encoding="utf-8")
+            if "Error(" not in source:
+                continue
+            module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+            for node in ast.walk(ast.parse(source)):
+                if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) \
+                        and node.func.id in ("InputError", "UsageError", "MissingExtraError") and node.args:
+                    texts = [_template(argument) for argument in node.args]
+                    place, what, remedy = ("", texts[0], "") if node.func.id != "InputError" or len(texts) < 2 else \
+                        (texts[0], texts[1], texts[2] if len(texts) > 2 else "")
+                    if what.strip("… ;:"):
+                        found[node.func.id].append((module, f"{place}: {what}" if place else what, remedy))
+    return found
+
+
+def _template(node: ast.expr) -> str:
+    """Return the text of an expression, with … for each value."""
+    if isinstance(node, ast.Constant):
+        return str(node.value)
+    if isinstance(node, ast.JoinedStr):
+        return "".join(str(p.value) if isinstance(p, ast.Constant) else "…" for p in node.values)
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
+        return _template(node.left) + _template(node.right)
+    if isinstance(node, ast.IfExp):
+        return f"{_template(node.body)} / {_template(node.orelse)}"
+    return "…"
+
+
+def error_messages() -> str:
+    titles = {"InputError": "A file, column or row is wrong", "UsageError": "An argument or option is wrong",
+              "MissingExtraError": "An extra is not installed"}
+    parts = ["# Error messages", "Every message that the code raises; … is a value of yours. Search this page for the "
+             "words between the values. Each message is one line, and the command ends with exit code 2. "
+             "[Troubleshooting](../help/troubleshooting.md) explains the common ones."]
+    for kind, title in titles.items():
+        groups: dict[str, dict[tuple[str, str], None]] = defaultdict(dict)
+        for module, message, remedy in error_calls()[kind]:
+            groups[".".join(module.split(".")[:2])][message, remedy] = None
+        parts.append(f"## {title} (`nb.{kind}`)")
+        for group, messages in sorted(groups.items()):
+            parts.append(f"### {group} {{ #{kind}-{group} }}\n\n" + _table(
+                ("message", "what to do"), [(cell(f"`{_plain(m)}`"), cell(_plain(r))) for m, r in messages]))
+    return "\n\n".join(parts)
+
+
+def _plain(text: str) -> str:
+    return " ".join(text.replace("`", "'").split())
+
+
+PAGES: dict[str, Callable[[], str]] = {
+    "reference/functions.md": python_functions,
+    "reference/classes.md": python_classes,
+    "reference/protocols.md": protocols,
+    "reference/command_line.md": command_line,
+    "reference/faults.md": faults,
+    "reference/terms.md": terms,
+    "reference/methods.md": methods,
+    "reference/sources.md": sources,
+    "reference/result_files.md": schemas,
+    "reference/error_messages.md": error_messages,
+}
+"""Page of the site -> what writes it."""
