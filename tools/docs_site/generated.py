@@ -72,14 +72,15 @@ def python_functions() -> str:
 
 def python_classes() -> str:
     functions = {name for names in FUNCTIONS.values() for name in names}
-    results = sorted(name for name in PACKAGE.__all__ if name not in functions and name != "__version__"
-                     and place_of(name).split(".")[1] == "api")
-    data = sorted(name for name in PACKAGE.__all__ if name != "__version__" and place_of(name).split(".")[1] == "flight")
-    errors = sorted(name for name in PACKAGE.__all__ if name != "__version__" and place_of(name).split(".")[1] == "errors")
-    return "\n\n".join(["# Python classes", "## Results", *(f"::: {place_of(n)}" for n in results),
-                        "## Recordings", *(f"::: {place_of(n)}" for n in data if n != "make_stream"),
+
+    def of(package: str) -> list[str]:
+        return sorted(name for name in PACKAGE.__all__ if name not in functions and name != "__version__"
+                      and place_of(name).split(".")[1] == package)
+
+    return "\n\n".join(["# Python classes", "## Results", *(f"::: {place_of(n)}" for n in of("api")),
+                        "## Recordings", *(f"::: {place_of(n)}" for n in of("flight") if n != "make_stream"),
                         "::: nanobench_tools.flight.make_stream",
-                        "## Errors", *(f"::: {place_of(n)}" for n in errors)])
+                        "## Errors", *(f"::: {place_of(n)}" for n in of("errors"))])
 
 
 def protocols() -> str:
