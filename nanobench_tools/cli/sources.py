@@ -20,6 +20,8 @@ GOOD_FOR: dict[str, tuple[str, str]] = {
     "idsia": ("IDSIA nano-quadrotor, raw CSV or Parquet", "audit: no attitude by motion capture, no accelerometer"),
     "usd_blocks": ("Crazyflie uSD deck log before events (Crazyswarm)", "audit: estimate, commands, gyro, battery"),
     "uzhfpv": ("UZH-FPV text: imu.txt with its groundtruth.txt", "audit, estimate, noise"),
+    "dido": ("DIDO, HDF5 (extra hdf5)", "audit, estimate, noise; rotor speeds without a documented order"),
+    "blackbird": ("Blackbird, HDF5 (extra hdf5)", "audit, estimate, noise"),
     "stand": ("thrust-stand table", "thrust: force from PWM, voltage and rotor speed"),
     "tum": ("TUM trajectory", "truth or an estimate: convert --mocap, estimate --trajectory-dir"),
     "ulog": ("PX4 log (.ulg)", "audit, diagnose; estimate where motion capture was logged"),

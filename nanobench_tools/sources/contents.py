@@ -27,6 +27,8 @@ CONTENTS: dict[str, Contents] = {
     "idsia": {"mocap": POSITION, "imu": ("gyro_x", "gyro_y", "gyro_z"), "motor": MOTORS, "rpm": MOTORS,
               "command": ("thrust",), "battery": ("vbat",), "estimator": ESTIMATE, "estimator_acc": ACCELERATION,
               "attitude_qw": ROTATION, "setpoint": ("x", "y", "z")},
+    "dido": {"mocap": (*POSITION, *ROTATION, *VELOCITY, "wx", "wy", "wz"), "imu": IMU, "rpm": MOTORS},
+    "blackbird": {"mocap": (*POSITION, *ROTATION), "imu": IMU},
     "tum": {"mocap": (*POSITION, *ROTATION)},
     "mocap_export": {"mocap": (*POSITION, *ROTATION)},
     "stand": {"stand": ("thrust",), "motor": MOTORS, "battery": ("vbat",)},

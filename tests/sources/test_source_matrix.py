@@ -23,12 +23,15 @@ def file_of(source, folder):
         return write(folder / "flight")
     header, blocks = log()
     data = {"idsia": text(columns()), "usd_blocks": header + b"".join(blocks),
-            "tum": FOREIGN["TUM of rpg"].data}[source]
+            "tum": FOREIGN["TUM of rpg"].data}.get(source)
+    if data is None:
+        hdf5 = pytest.importorskip("test_hdf5")
+        data = hdf5.file(**getattr(hdf5, source)())
     (folder / "a").write_bytes(data)
     return folder / "a"
 
 
-@pytest.mark.parametrize("source", ["euroc", "uzhfpv", "idsia", "usd_blocks", "tum"])
+@pytest.mark.parametrize("source", ["euroc", "uzhfpv", "idsia", "usd_blocks", "tum", "dido", "blackbird"])
 def test_contents_are_those_of_a_file_of_the_source(source, tmp_path):
     (flight,) = load_recordings([file_of(source, tmp_path)], cache=False).flights
     assert flight.provenance.source == source
