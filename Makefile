@@ -8,7 +8,7 @@ JOBS ?= $(shell nproc 2>/dev/null || echo 2)
 # One test process more than there are cores: some tests wait for sockets, for each other or for what another compiles.
 TEST_JOBS ?= $(shell expr $(JOBS) + 1)
 
-.PHONY: docs run test test-slow lint types pytest pytest-slow learned learned-slow bench figures figures-slow clean help
+.PHONY: dist docs run test test-slow lint types pytest pytest-slow learned learned-slow bench figures figures-slow clean help
 
 help:
 	@echo "make run    install, then audit, the three tasks and the report into ./$(OUT)"
@@ -18,6 +18,7 @@ help:
 	@echo "make bench  speed benchmarks, as ratios against a peer or a plain version in one run, kept in a table"
 	@echo "make figures  every number of README and docs from results; RESULTS=DIR takes those of earlier commands"
 	@echo "make docs   the site, into build/site; every warning is an error, every link is checked"
+	@echo "make dist   wheel and source distribution into ./dist, checked, and tried in an empty environment"
 	@echo "make clean  remove the virtual environment, results and compiled models of the tests"
 
 # The stamps make an installation happen once per change of what is to be installed. An installation under the former
@@ -90,6 +91,17 @@ figures-slow: $(VENV)/.installed
 docs: $(VENV)/.installed-docs
 	$(BIN)/python -m mkdocs build --strict --quiet
 	$(BIN)/python -m tools.docs_site.check_links build/site
+
+# Wheel and source distribution, checked, and the first tutorial with the wheel alone in an empty environment.
+dist: $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[release]"
+	rm -rf dist build/fresh
+	$(BIN)/python -m build --outdir dist .
+	$(BIN)/python -m twine check --strict dist/*
+	$(PYTHON) -m venv build/fresh
+	build/fresh/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt "$$(ls dist/*.whl)[report]"
+	cd build/fresh && bin/python $(CURDIR)/docs/tutorials/first_log.py >/dev/null && bin/nanobench --version
+	@! grep -l "URL_OF_THIS_REPOSITORY\|CONTACT$$" README.md setup.cfg CITATION.cff || echo "before an upload: fill in the address and contact there"
 
 clean:
 	rm -rf $(VENV) $(OUT) build
