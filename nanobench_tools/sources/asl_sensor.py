@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from decimal import Decimal, InvalidOperation
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pacsv
 import yaml
 
 from ..errors import InputError
@@ -15,6 +17,7 @@ from ..units import SI_FACTOR, factor
 from .base import cell_faults, text_fault
 from .cells import Grid, LostRow, read_grid
 from .dialect import clean_name, normalise_text
+from .payload import HEAD_BYTES
 from .tum_layout import NORM_TOLERANCE
 from .units_as_written import unit_as_written
 
@@ -90,8 +93,8 @@ class AslRows:
 
 def header_line(text: bytes) -> str:
     """The first line that is not blank."""
-    return next((line for line in normalise_text(text).decode("utf-8", errors="replace").split("\n") if line.strip()),
-                "")
+    lines = normalise_text(text[:HEAD_BYTES]).decode("utf-8", errors="replace").split("\n")
+    return next((line for line in lines if line.strip()), "")
 
 
 def columns_of(line: str) -> AslColumns | None:
@@ -141,15 +144,19 @@ def read_rows(data: bytes, place: str) -> AslRows:
                              f"{VECTORS[vector][1]}")
     used = {name for parts in columns.vectors.values() for name, _ in parts}
     grid = read_grid(data, place, numeric=used, time=columns.time)
-    lines = normalise_text(data).split(b"\n")
-    stamps = _stamps([lines[k - 1].split(b",", 1)[0].strip() for k in grid.lines], columns.unit_ns)
+    stamps = _whole_stamps(data, grid) if columns.unit_ns == 1 else None
+    if stamps is None:
+        lines = normalise_text(data).split(b"\n")
+        stamps = _stamps([lines[k - 1].split(b",", 1)[0].strip() for k in grid.lines], columns.unit_ns)
     placed = np.flatnonzero(stamps != NO_TIME)
     if not len(placed):
         raise InputError(f"{place}: column {columns.time}", "holds no time", "check it and its unit")
     near = np.abs(stamps[placed] - int(np.median(stamps[placed]))) < FARTHEST_NS
     kept = placed[near]
+    out = np.ones(len(stamps), dtype=bool)
+    out[kept] = False
     grid.lost += [LostRow(int(grid.lines[r]), int(r) - 1, f"no time of this recording in column {columns.time}")
-                  for r in np.setdiff1d(np.arange(len(stamps)), kept)]
+                  for r in np.flatnonzero(out)]
     grid.lost.sort(key=lambda row: row.line)
     stamps = stamps[kept]
     steps = np.diff(stamps)
@@ -169,6 +176,21 @@ def read_rows(data: bytes, place: str) -> AslRows:
 
 
 NO_TIME = np.iinfo(np.int64).min
+
+
+def _whole_stamps(data: bytes, grid: Grid) -> np.ndarray | None:
+    """(n,) int64 ns of a table without damage; None for any other, which is read cell by cell."""
+    if grid.lost or grid.truncated or not np.array_equal(grid.lines, np.arange(2, len(grid.lines) + 2)):
+        return None
+    try:
+        table = pacsv.read_csv(
+            pa.BufferReader(data), pacsv.ReadOptions(use_threads=False, skip_rows=1, autogenerate_column_names=True),
+            pacsv.ParseOptions(quote_char=False),
+            pacsv.ConvertOptions(include_columns=["f0"], column_types={"f0": pa.int64()}, null_values=[]))
+    except (pa.ArrowException, KeyError):
+        return None
+    stamps = table.column("f0")
+    return stamps.to_numpy() if table.num_rows == len(grid.lines) and not stamps.null_count else None
 
 
 def _stamps(cells: list[bytes], unit_ns: int) -> np.ndarray:

@@ -157,7 +157,9 @@ def find_recordings(paths: Sequence[Path | str],
     found = [entry for entry in found if entry[0] not in behind]
     found, labelled, members = _gathered(found, known)
     folders = {p.parent.parent for files in members.values() for name, p in files if "/" in name}
-    failed[:] = [f for f in failed if not (_is_picture(f) and any(Path(f["path"]).is_relative_to(p) for p in folders))]
+    inside = {str(p) for files in members.values() for _, p in files}
+    failed[:] = [f for f in failed if f["path"] not in inside and not (
+        _is_picture(f) and any(Path(f["path"]).is_relative_to(p) for p in folders))]
     names = _labels([labelled.get(path, path) for path, _, _ in found])
     recordings = []
     for (path, source, start), label in zip(found, names, strict=True):

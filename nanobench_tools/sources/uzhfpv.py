@@ -1,6 +1,7 @@
 """UZH-FPV text: ``imu.txt``, and the ``groundtruth.txt`` in the same folder.
 
 Blanks between the cells, below ``# timestamp ang_vel_x .. lin_acc_z`` or ``# id timestamp ..``: seconds, rad/s, m/s^2.
+Some files number their rows without naming this column.
 A groundtruth.txt alone is a TUM trajectory.
 """
 
@@ -8,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +19,7 @@ from ..flight import Flight, Stream
 from ..units import GRAVITY_M_S2
 from .cells import read_grid
 from .column_map import ColumnMap, Entry
+from .dialect import normalise_text
 from .header import header_of
 from .members import Gathered
 from .payload import head
@@ -27,6 +30,8 @@ from .tum import TumTrajectory
 
 TRUTH = "groundtruth.txt"
 GYRO, ACC = tuple(f"ang_vel_{a}" for a in "xyz"), tuple(f"lin_acc_{a}" for a in "xyz")
+ROWS_SEEN = 20
+"""Rows from which a counter is recognised."""
 GRAVITY_FACTOR = 1.5
 """The median specific force of a flight is gravity to within this factor; g instead of m/s^2 is 9.8 off."""
 FASTEST_RAD_S = 70.0
@@ -67,7 +72,7 @@ class UzhFpv:
         flight = _imu(place / imu if len(members) > 1 else place, members[imu])
         if TRUTH not in members:
             return flight
-        truth = TumTrajectory().read(place / TRUTH, members[TRUTH])
+        truth = TumTrajectory().read(place / TRUTH, with_id(members[TRUTH]))
         zero = min(flight.epoch_s, truth.epoch_s)
         streams = {name: _later(stream, part.epoch_s - zero) for part in (truth, flight)
                    for name, stream in part.streams.items()}
@@ -77,16 +82,30 @@ class UzhFpv:
                        provenance=replace(flight.provenance, path=str(place), findings=tuple(findings)))
 
 
+def with_id(data: bytes) -> bytes:
+    """The text with a name for a first column that counts the rows, where its line of names does not have one."""
+    text = normalise_text(data)
+    first, _, rest = text.partition(b"\n")
+    names = first.lstrip(b"#").split()
+    rows = [line.split() for line in rest.split(b"\n", ROWS_SEEN)[:ROWS_SEEN] if line.strip()]
+    if not first.startswith(b"#") or names[:1] != [b"timestamp"] or len(rows) < 3:
+        return data
+    rows = [row for row in rows[:-1] if len(row) == len(names) + 1 and row[0].isdigit()]
+    numbers = [int(row[0]) for row in rows]
+    counts = len(rows) >= 2 and all(b - a == 1 for a, b in pairwise(numbers))
+    return b"# id " + b" ".join(names) + b"\n" + rest if counts else data
+
+
 def _is_truth(path: Path) -> bool:
     try:
-        return path.is_file() and TumTrajectory().recognises(path, head(path))
+        return path.is_file() and TumTrajectory().recognises(path, with_id(head(path)))
     except NanobenchError:
         return False
 
 
 def _imu(path: Path, data: bytes) -> Flight:
     place = str(path)
-    grid = read_grid(data, place, numeric={*GYRO, *ACC}, time="timestamp")
+    grid = read_grid(with_id(data), place, numeric={*GYRO, *ACC}, time="timestamp")
     if (why := not_seconds(grid.columns.get("timestamp", np.zeros(0)))) is not None:
         raise InputError(f"{place}: column timestamp", why, "the format has seconds; read it with a column map")
     size = _norm(grid.columns, ACC)

@@ -12,10 +12,10 @@ EPOCH_S = 1540821844.3
 NAMES = "timestamp ang_vel_x ang_vel_y ang_vel_z lin_acc_x lin_acc_y lin_acc_z"
 
 
-def write(folder, numbered=False, acc=1.0, gyro=1.0, time=1.0, truth=True):
+def write(folder, numbered=False, named=True, acc=1.0, gyro=1.0, time=1.0, truth=True):
     t, p, _, a, turn, w = flown()
     folder.mkdir(exist_ok=True)
-    before = ["id "] if numbered else [""]
+    before = ["id "] if numbered and named else [""]
     rows = [f"# {before[0]}{NAMES}"]
     for k, row in enumerate(np.hstack([gyro * w, acc * turn.inv().apply(a + G)])):
         start = [str(k)] if numbered else []
@@ -30,9 +30,9 @@ def write(folder, numbered=False, acc=1.0, gyro=1.0, time=1.0, truth=True):
     return folder
 
 
-@pytest.mark.parametrize("numbered", [False, True])
-def test_imu_and_truth_are_one_flight(tmp_path, numbered):
-    loaded = load_recordings([write(tmp_path / "indoor_forward_9", numbered)], cache=False)
+@pytest.mark.parametrize(("numbered", "named"), [(False, True), (True, True), (True, False)])
+def test_imu_and_truth_are_one_flight(tmp_path, numbered, named):
+    loaded = load_recordings([write(tmp_path / "indoor_forward_9", numbered, named)], cache=False)
     assert loaded.failed == []
     (flight,) = loaded.flights
     t, p, _, a, turn, w = flown()
