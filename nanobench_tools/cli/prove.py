@@ -45,9 +45,9 @@ FLYING = ("practice", "rotorpy", "both")
 @click.option("--engine", metavar="NAME",
               help="Who flies: practice (the engine of this project), rotorpy, or both in turn (default). "
                    "What RotorPy cannot fly, and all without it, the first one flies; every case says who it was. With "
-                   "--corrupted: what diagnoses, rules (default), posterior or module:function.")
+                   "--corrupted: what diagnoses, posterior (default), rules or module:function.")
 @click.option("--diagnosed-by", type=click.Choice(ENGINES), default=None,
-              help="What diagnoses made-up cases and those of --concealed and --corrupted. Default: rules.")
+              help="What diagnoses made-up cases and those of --concealed and --corrupted. Default: posterior.")
 @click.option("--concealed", is_flag=False, flag_value=DEFAULT_PLACES, metavar="[DIR]",
               help="Real recordings instead (default: where other verbs look): a simulator fitted to some flights, "
                    "one piece of knowledge taken away, diagnosed on others. Logs with rotor speed: with the speed, "

@@ -13,12 +13,15 @@ from nanobench_tools.physics.model import Slot
 from ..space import MAPS, Space
 from ..wrench import Wrench
 from .arm_unit import arms
-from .background import SHAKE, Background, background_of, rms, turning_size
+from .background import MOMENTS, SHAKE, Background, background_of, rms, turning_size
 from .effects import Effect, effects_of, within_reach
 from .gain_error import gain_error
 from .rows import Products, Rows, Seen, rows_of
 from .set_evidence import MEANS, Evidence
 from .thrust_spread import thrust_spread
+
+LEAST_SEEN = 0.01
+"""Of a column that the instruments do not see at all, which has no weight in the evidence."""
 
 
 @dataclass(frozen=True)
@@ -84,8 +87,8 @@ def build(wrench: Wrench, space: Space, simulator: Model, seed: int = 0) -> Case
                      for part in (force, torque * arm[None, :, None]) for k in range(3)])
     evidence = Evidence(effects, background, grams.of(np.ones(len(numbers), bool)), owner, unit, lower * unit,
                         upper * unit, _believed(wrench, space, effects, unit, arm), work, _varying(wrench, torque),
-                        arm, len(numbers), _gain_errors(wrench, residual[1], rows, work[3:]),
-                        thrust_spread(simulator.vehicle))
+                        _seen(wrench, rows, torque, background), arm, len(numbers),
+                        _gain_errors(wrench, residual[1], rows, work[3:]), thrust_spread(simulator.vehicle))
     return Case(wrench, space, simulator, effects, background, rows, beside, evidence, numbers, grams, arm)
 
 
@@ -96,6 +99,25 @@ def _varying(wrench: Wrench, torque: np.ndarray) -> np.ndarray:
                    np.zeros(torque.shape[1:]))
     varying = 1.0 - constant / np.maximum((torque**2).sum(0), 1e-12)
     return np.concatenate([np.ones(torque.shape[1:]), np.clip(varying, 0.0, 1.0)])
+
+
+def _seen(wrench: Wrench, rows: Rows, torque: np.ndarray, background: Background) -> np.ndarray:
+    """(6, P) share of the varying part of the columns that the instruments see, over that of a discrepancy; from
+    LEAST_SEEN to 1, 1 of forces.
+
+    To imitate a discrepancy, the error of a column that they hardly see has to be larger by the root of this.
+    """
+    flight = wrench.flight[wrench.torque_at]
+    mine = np.isin(background.group, MOMENTS)
+    both = np.concatenate([torque, background.torque[..., mine]], 2)
+    varies = both - sum(((flight == f)[:, None, None] * both[flight == f].mean(0) for f in np.unique(flight)),
+                        np.zeros_like(both))
+    seen, whole = rows.seen_of(varies)
+    many = torque.shape[2]
+    usual = seen[:, many:].sum(1) / np.maximum(whole[:, many:].sum(1), 1e-12)
+    share = seen[:, :many] / np.maximum(whole[:, :many], 1e-12) / np.maximum(usual, 1e-12)[:, None]
+    share[whole[:, :many] <= 0.0] = 1.0
+    return np.concatenate([np.ones(share.shape), np.clip(share, LEAST_SEEN, 1.0)])
 
 
 def _gain_errors(wrench: Wrench, residual: np.ndarray, rows: Rows, work: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -87,11 +87,11 @@ class Decision:
 
 
 def decide(case: Case, judge: Callable[[Refined, Refined], float],
-           again: Callable[[Model], Collection[str]] | None = None) -> Decision:
+           again: Callable[[Model], Iterable[frozenset[str]]] | None = None) -> Decision:
     """Identify the classes of effects whose probability reaches NAMED.
 
     ``judge`` compares predictions of left-out flights: log likelihood of the first sizes over the second. ``again``
-    returns the terms that are identified in a corrected simulator. With ``again``, only the largest of several effects
+    returns the terms of each finding in a corrected simulator. With ``again``, only the largest of several effects
     is identified at once. The others must be identified again after the largest is corrected, since slopes far from the
     truth suggest effects that do not exist.
     """
@@ -114,8 +114,14 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
     found = _standing(weighing, tuple(i for i in best if sure[i] >= NAMED), rejected)
     if again is not None and len(found.chosen) > 1:
         first = max(found.chosen, key=lambda i: _size_of(case, i, found))
-        there = set(again(_written(case, weighing.sizes((first,)))))
-        gone = {i for i in found.chosen if i != first and not there & set(kinds[i])}
+        there = list(again(_written(case, weighing.sizes((first,)))))
+        gone = set[int]()
+        for i in sorted(set(found.chosen) - {first}, key=lambda i: -_size_of(case, i, found)):
+            same = next((terms for terms in there if terms & set(kinds[i])), None)
+            if same is None:
+                gone.add(i)
+            else:
+                there.remove(same)  # one finding there confirms one effect here
         rejected |= {case.effects[i].term: f"no longer identified once {case.effects[first].term} is corrected"
                      for i in gone}
         found = _standing(weighing, tuple(i for i in found.chosen if i not in gone), rejected)

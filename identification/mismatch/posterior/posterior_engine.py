@@ -44,9 +44,9 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
     case, predictions = weighed(recordings, wrench, simulator, seed)
     say("prediction of flights that were left out")
 
-    def again(corrected: Model) -> set[str]:
+    def again(corrected: Model) -> list[frozenset[str]]:
         beside, ahead = weighed(recordings, wrench, corrected, seed)
-        return {t for f in decide(beside, ahead.judge).findings for t in (f.term, *f.equivalent)}
+        return [frozenset((f.term, *f.equivalent)) for f in decide(beside, ahead.judge).findings]
 
     decision = decide(case, predictions.judge, again)
     improvement = predictions.improvement(decision.found)

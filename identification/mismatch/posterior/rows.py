@@ -147,6 +147,15 @@ class Rows:
         return Seen(np.concatenate([axis.of(force[:, k]) for k, axis in enumerate(self.forces)]),
                     tuple(t.of(torque) for t in self.turnings))
 
+    def seen_of(self, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(3, C) sum of squares of each column (M, 3, C) that the instruments explain, and of the whole column."""
+        parts, whole = np.zeros(torque.shape[1:]), np.zeros(torque.shape[1:])
+        for t in self.turnings:
+            here = torque[t.at, t.axis]
+            parts[t.axis] += ((t.z @ np.linalg.lstsq(t.z, here, rcond=None)[0]) ** 2).sum(0)
+            whole[t.axis] += (here**2).sum(0)
+        return parts, whole
+
     def products(self, one: Seen, other: Seen) -> Products:
         """Inner products, flight by flight."""
         each = (self.flight == f for f in range(self.flights))

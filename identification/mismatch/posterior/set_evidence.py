@@ -58,11 +58,14 @@ FAMILIES: tuple[frozenset[str], ...] = tuple(frozenset(f) for f in (
 TWINS = ("mass", "thrust_scale")
 """Terms of thrust per mass, which is a little wrong in the place of both."""
 SHARED = {"frame_tilt": "tilt", "wind": "tilt", "force_world": "tilt", "thrust_scale": "lift", "mass": "lift",
-          "thrust_voltage": "lift", "thrust_pwm": "lift", "com_offset": "trim", "motor_imbalance": "trim"}
-"""Term -> per-flight offset. A change that all flights share has to exceed the scatter of this offset."""
+          "thrust_voltage": "lift", "thrust_pwm": "lift"}
+"""Term -> per-flight offset of the force. A change that all flights share has to exceed the scatter of this offset. Of
+moments, the constant part of every column has to exceed the scatter of the trim."""
+TRIMS = ("trim", "trim", "yaw_trim")
+"""Per-flight offset of the moment about each axis."""
 RANGE = 6.0
 """Standard deviations between the least and the largest exponent of a thrust map (``thrust_exponent``)."""
-OFFSETS = tuple(term for term, level in SHARED.items() if level in ("tilt", "trim"))
+OFFSETS = (*(term for term, level in SHARED.items() if level == "tilt"), "com_offset", "motor_imbalance")
 """Terms with an uncertainty that does not depend on their size; that of the others is a share of their contribution."""
 GAINS = ("inertia", "yaw_torque")
 """Terms of the gain from command to moment, which noisy commands change."""
@@ -78,8 +81,9 @@ class Evidence:
     ``gram`` (C, C) of whitened columns: P of the effects, Q of the background, the residual last. ``owner`` (P,):
     number of the effect of each column. ``unit`` (P,): m/s^2 of a column per unit of its direction. ``believed`` (P,):
     m/s^2 of the simulator's own term. ``work`` (6, P, P): inner products of the columns along each axis, force and
-    moment. ``varying`` (6, P): share of ``work``'s diagonal that is not constant. ``gain_error`` (P,): share by which
-    the gain from commands to a moment may be off. ``lift_spread``: m/s^2, of the thrust of all flights.
+    moment. ``varying`` (6, P): share of ``work``'s diagonal that is not constant. ``seen`` (6, P): share of that part
+    that the instruments see, relative to that of a discrepancy. ``gain_error`` (P,): share by which the gain from
+    commands to a moment may be off. ``lift_spread``: m/s^2, of the thrust of all flights.
     """
 
     effects: Sequence[Effect]
@@ -92,6 +96,7 @@ class Evidence:
     believed: np.ndarray
     work: np.ndarray
     varying: np.ndarray
+    seen: np.ndarray
     arm: np.ndarray
     flights: int = 1
     gain_error: np.ndarray = field(default_factory=lambda: np.zeros(0))
@@ -222,10 +227,12 @@ class Evidence:
         self.amplitudes = self._climb(start, free)
         along = self._unnamed(free)
         doing = self.work.diagonal(axis1=1, axis2=2)
-        share = self.varying * doing / np.maximum(doing.sum(0), 1e-12)
-        feigned = UNNAMED * np.sqrt((along[:, None] ** 2 * share).sum(0))
+        share = doing / np.maximum(doing.sum(0), 1e-12)
+        feigned = UNNAMED * np.sqrt((along[:, None] ** 2 * self.varying * share / self.seen).sum(0))
         terms = [self.effects[i].term for i in self.owner]
-        levels = np.array([_shared(t, self.amplitudes) for t in terms]) / np.sqrt(max(self.flights, 1))
+        trims = np.array([self.amplitudes.get(level, 0.0) for level in TRIMS])
+        turned = TILT_SHARED * np.sqrt((trims[:, None] ** 2 * ((1.0 - self.varying) * share)[3:]).sum(0))
+        levels = np.hypot([_shared(t, self.amplitudes) for t in terms], turned) / np.sqrt(max(self.flights, 1))
         levels = np.hypot(levels, [self.lift_spread * (t in TWINS) for t in terms])
         loose = self.believed * [0.0 if t in OFFSETS else g if t in GAINS else LOOSE
                                  for t, g in zip(terms, self.gain_error, strict=True)]

@@ -13,12 +13,13 @@ from scipy.stats import multivariate_normal
 
 from identification.mismatch.memory import runs_of
 from identification.mismatch.page import GOES_WITH
-from identification.mismatch.posterior import decision, set_evidence
+from identification.mismatch.posterior import decision, set_evidence, weighing
 from identification.mismatch.posterior.arm_unit import arms
 from identification.mismatch.posterior.background import FIXED, LIFT_OF_ALL, Background, fourier
+from identification.mismatch.posterior.build import _seen
 from identification.mismatch.posterior.effects import Effect, effects_of, within_reach
 from identification.mismatch.posterior.gain_error import gain_error
-from identification.mismatch.posterior.rows import Seen, _Group, _ridge, instruments
+from identification.mismatch.posterior.rows import Rows, Seen, _Group, _ridge, instruments
 from identification.mismatch.posterior.set_evidence import Evidence
 from identification.mismatch.posterior.thrust_exponent import Curve
 from identification.mismatch.space import space_around
@@ -101,8 +102,8 @@ def small_case(seed: int = 0, terms: tuple[str, str] = ("wind", "inflow"), lift_
     background = Background(np.zeros((1, 3, 1)), np.zeros((0, 3, 1)), np.array([FIXED]))
     work = np.stack([np.eye(2)] * 6)
     case = Evidence(effects, background, values.T @ values, np.arange(2), np.ones(2), np.full(2, -9.0),
-                    np.full(2, 9.0), np.zeros(2), work, np.zeros(2), np.ones(3), gain_error=np.zeros(2),
-                    lift_spread=lift_spread)
+                    np.full(2, 9.0), np.zeros(2), work, np.zeros((6, 2)), np.ones((6, 2)), np.ones(3),
+                    gain_error=np.zeros(2), lift_spread=lift_spread)
     case.spike = np.array([0.1, 0.2])
     case._reduce()
     return case, columns, y
@@ -119,6 +120,43 @@ def test_evidence_is_that_of_the_normal_distribution(monkeypatch):
     # the coefficient is the mean of the conditional distribution
     wide = beside + 0.25 * np.outer(columns[:, 0], columns[:, 0])
     assert case.weighed((0,))[1][0] == pytest.approx(0.25 * columns[:, 0] @ np.linalg.solve(wide, y), abs=1e-9)
+
+
+@pytest.mark.parametrize("predicted", [0, 10])
+def test_two_effects_that_improve_the_same_prediction_are_not_both_identified(monkeypatch, predicted):
+    """Each alone improves it by 10 nats, both together by 10, too. A second effect costs 3 nats of evidence. Whether the
+    pair was predicted or not, it is less probable than either."""
+    monkeypatch.setattr(weighing, "PREDICTED", predicted)
+    sets = {(): 0.0, (0,): -3.0, (1,): -3.1, (0, 1): -6.0}
+    case = SimpleNamespace(evidence=SimpleNamespace(sets=sets, score=sets.__getitem__),
+                           effects=[SimpleNamespace(term=t) for t in ("wind", "com_offset")])
+    monkeypatch.setattr(weighing.Weighing, "sizes", lambda self, chosen: chosen)
+    found = weighing.Weighing(case, lambda one, other: 10.0).weigh()
+    assert max(found, key=found.get) == (0,)
+    assert found[0, 1] == pytest.approx(found[0,] * np.exp(-3.0))
+
+
+def test_a_column_that_instruments_hardly_see_may_be_wronger():
+    """Instruments are the constant and a sine. They see a sine whole, one that shakes with ten times its variance to a
+    tenth, and of the discrepancy half."""
+    t = np.arange(400) * 0.05
+    slow, shake = np.sin(t), np.sqrt(10.0) * np.sign(np.sin(40.0 * t + 0.3))
+    torque = np.zeros((400, 3, 2))
+    torque[:, 0, 0], torque[:, 0, 1] = slow, slow + shake
+    hidden = np.sqrt(0.5) * np.sign(np.sin(37.0 * t))
+    unnamed = np.zeros((400, 3, 1))
+    unnamed[:, 0, 0] = slow + hidden
+    wrench = SimpleNamespace(flight=np.zeros(400, int), torque_at=np.arange(400))
+    z = np.stack([np.ones(400), slow], axis=1)
+    turning = SimpleNamespace(z=z, at=np.arange(400), axis=0)
+    rows = SimpleNamespace(turnings=[turning])
+    rows.seen_of = lambda columns: Rows.seen_of(rows, columns)
+    background = Background(np.zeros((0, 3, 1)), unnamed, np.array(["turn_air"]))
+    seen = _seen(wrench, rows, torque, background)
+    assert seen[:3].tolist() == [[1.0, 1.0]] * 3
+    assert seen[3, 0] == 1.0
+    assert seen[3, 1] == pytest.approx((0.5 / 10.5) / (0.5 / 1.0), rel=0.05)
+    assert seen[4:].tolist() == [[1.0, 1.0]] * 2
 
 
 def test_a_true_effect_is_the_most_probable_and_sets_of_one_family_are_none():
