@@ -12,6 +12,7 @@ from nanobench_tools.physics import Model
 from nanobench_tools.settings import number
 
 from ..proof import FOLDS, HORIZONS, QUANTITIES, prediction_errors, relative_intervals
+from ..space import MAPS
 from ..track import ROW_S
 from .build import Case
 from .sizing import Refined, moved_by, on_map, parts_of, refine
@@ -28,6 +29,8 @@ GAINS = (0.3, 2.0)
 """Bounds of the gain from logged commands to turning."""
 JUDGED, BEFORE_TURNING = slice(1, None), slice(1, 2)
 """Horizons that are judged: 0.1 and 0.5 s; and 0.1 s."""
+SLUGGISH = frozenset(("inertia", "angular_damping", "motor_lag", "command_delay", *MAPS, "saturation"))
+"""Terms that can make a vehicle answer its commands less."""
 
 
 @dataclass(frozen=True)
@@ -64,14 +67,17 @@ class Predictions:
         """Log likelihood of one fit over another.
 
         Errors of each flight are normal with unknown size, separately for the path and for turning. So only the log of
-        the ratio of errors counts. If set-points are the instruments of the moments, only the path after 0.1 s counts.
-        Commands shake between rows, and from such commands a sluggish vehicle predicts turning better than a right one.
-        The path follows the predicted turning after half a second, but hardly after a tenth.
+        the ratio of errors counts. If set-points are the instruments of the moments, turning does not count. Commands
+        shake between rows, and from such commands a sluggish vehicle predicts turning better than a right one. The path
+        follows the predicted turning after half a second, but hardly after a tenth. So effects that can make a vehicle
+        sluggish have to improve the path after a tenth.
         """
+        case = self.case
         ratio = np.log(np.maximum(self.of(other), 1e-9) / np.maximum(self.of(one), 1e-9))
         judged = [(JUDGED, kind) for kind in KINDS]
-        if self.case.rows.set_point_axes:
-            judged = [(BEFORE_TURNING, KINDS[0])]
+        if case.rows.set_point_axes:
+            slow = {case.effects[i].term for i in (*one.chosen, *other.chosen)} & SLUGGISH
+            judged = [(BEFORE_TURNING if slow else JUDGED, KINDS[0])]
         told = [ratio[:, horizons, kind].mean(axis=(1, 2)) for horizons, kind in judged]
         each = np.sum([np.where(np.isfinite(part), part, 0.0) for part in told], axis=0)
         return float(np.clip(self.windows * each, -MOST, MOST).sum())

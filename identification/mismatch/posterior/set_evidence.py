@@ -61,8 +61,6 @@ SHARED = {"frame_tilt": "tilt", "wind": "tilt", "force_world": "tilt", "thrust_s
           "thrust_voltage": "lift", "thrust_pwm": "lift"}
 """Term -> per-flight offset of the force. A change that all flights share has to exceed the scatter of this offset. Of
 moments, the constant part of every column has to exceed the scatter of the trim."""
-TRIMS = ("trim", "trim", "yaw_trim")
-"""Per-flight offset of the moment about each axis."""
 RANGE = 6.0
 """Standard deviations between the least and the largest exponent of a thrust map (``thrust_exponent``)."""
 OFFSETS = (*(term for term, level in SHARED.items() if level == "tilt"), "com_offset", "motor_imbalance")
@@ -230,8 +228,8 @@ class Evidence:
         share = doing / np.maximum(doing.sum(0), 1e-12)
         feigned = UNNAMED * np.sqrt((along[:, None] ** 2 * self.varying * share / self.seen).sum(0))
         terms = [self.effects[i].term for i in self.owner]
-        trims = np.array([self.amplitudes.get(level, 0.0) for level in TRIMS])
-        turned = TILT_SHARED * np.sqrt((trims[:, None] ** 2 * ((1.0 - self.varying) * share)[3:]).sum(0))
+        trim = max(self.amplitudes.get(level, 0.0) for level in ("trim", "yaw_trim"))
+        turned = TILT_SHARED * trim * np.sqrt(((1.0 - self.varying) * share)[3:].sum(0))
         levels = np.hypot([_shared(t, self.amplitudes) for t in terms], turned) / np.sqrt(max(self.flights, 1))
         levels = np.hypot(levels, [self.lift_spread * (t in TWINS) for t in terms])
         loose = self.believed * [0.0 if t in OFFSETS else g if t in GAINS else LOOSE
