@@ -124,8 +124,9 @@ def test_evidence_is_that_of_the_normal_distribution(monkeypatch):
 
 @pytest.mark.parametrize("predicted", [0, 10])
 def test_two_effects_that_improve_the_same_prediction_are_not_both_identified(monkeypatch, predicted):
-    """Each alone improves it by 10 nats, both together by 10, too. A second effect costs 3 nats of evidence. So the pair is
-    less probable than either, whether it was predicted or not."""
+    """Each alone improves it by 10 nats, both together by 10, too. A second effect costs 3 nats of evidence.
+
+    So the pair is less probable than either, whether it was predicted or not."""
     monkeypatch.setattr(weighing, "PREDICTED", predicted)
     sets = {(): 0.0, (0,): -3.0, (1,): -3.1, (0, 1): -6.0}
     case = SimpleNamespace(evidence=SimpleNamespace(sets=sets, score=sets.__getitem__),
