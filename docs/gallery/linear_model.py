@@ -1,0 +1,23 @@
+# %% [markdown]
+# # A linear model for control design
+#
+# A fitted vehicle is linearised at hover for python-control. Without a controller it is unstable: a moment of the air
+# tips a vehicle that moves. The flights are SYNTHETIC.
+
+# %%
+import numpy as np
+import plotly.graph_objects as go
+
+import nanobench_tools as nb
+
+model = nb.fit(nb.sample())
+plant = model.linearize(battery_V=3.7)
+print(plant.nstates, "states,", plant.ninputs, "inputs,", plant.noutputs, "outputs")
+poles = np.unique(np.round(np.linalg.eigvals(plant.A).real, 2))
+print("real parts of the poles, 1/s:", poles)
+
+# %%
+# alt: Poles of the linear model in the complex plane, most of them at the origin or on the left, two on the right.
+values = np.round(np.linalg.eigvals(plant.A), 3)
+figure = go.Figure(go.Scatter(x=values.real, y=values.imag, mode="markers", marker={"size": 10, "symbol": "x"}))
+figure.update_layout(title="Poles at hover", xaxis_title="real, 1/s", yaxis_title="imaginary, 1/s")
