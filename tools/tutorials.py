@@ -144,8 +144,8 @@ def gallery() -> str:
         pictures = "".join(f"![{title[1]}]({place}pictures/{name}_1-{shade}.svg#only-{shade})"
                            for shade in ("light", "dark"))
         cards.append(f"<div markdown>\n{pictures}\n\n[{title[1]}]({place}{name}.md)\n</div>")
-    return ("# Gallery\n\nEvery example is a script that runs with the package alone, on SYNTHETIC flights. The extras\n"
-            "`report` and `identification` are needed, `mpc` and `control` for MPC and the linear model.\n\n"
+    return ("# Gallery\n\nEvery example is a script that runs with the package alone, on SYNTHETIC flights. The\n"
+            "extras `report` and `identification` are needed, `mpc` and `control` for MPC and the linear model.\n\n"
             f'<div class="cards" markdown>\n{chr(10).join(cards)}\n</div>\n')
 
 
