@@ -43,9 +43,14 @@ def page() -> str:
     """The page as Markdown."""
     heads = ["source", *VERBS]
     rows = [[GOOD_FOR[name][0], *(cell(verb, flight_of(held)) for verb in VERBS)] for name, held in CONTENTS.items()]
-    known = [[entry[key] or "not yet" for key in DATASET_KEYS] for entry in datasets()]
+    known = [[quoted(entry[key] or "not yet") for key in DATASET_KEYS] for entry in datasets()]
     return HEAD + "\n" + table(heads, rows) + LIMITS + "\n" + table(
         ["data set", "read by", "licence", "size", "where", "good for"], known)
+
+
+def quoted(text: str) -> str:
+    """A cell with digits as code: they are facts of a data set, no figures that are computed here."""
+    return f"`{text}`" if any(c.isdigit() for c in text) else text
 
 
 def cell(verb: str, flight: Flight) -> str:

@@ -26,6 +26,7 @@ GOOD_FOR: dict[str, tuple[str, str]] = {
     "tum": ("TUM trajectory", "truth or an estimate: convert --mocap, estimate --trajectory-dir"),
     "ulog": ("PX4 log (.ulg)", "audit, diagnose; estimate where motion capture was logged"),
     "rosbag": ("ROS 1 and 2 bag", "audit, estimate; --columns adds commands and motors"),
+    "npy_mocap": ("motion capture in .npy (Bitcraze): ms, x, y, z", "truth: convert LOG --mocap"),
     "mocap_export": ("Motive, Vicon, Qualisys export", "truth: audit, estimate --trajectory-dir"),
     "table": ("your own CSV or Parquet", "what its columns hold; first: nanobench columns FILE"),
 }

@@ -31,6 +31,7 @@ CONTENTS: dict[str, Contents] = {
     "blackbird": {"mocap": (*POSITION, *ROTATION), "imu": IMU},
     "tum": {"mocap": (*POSITION, *ROTATION)},
     "mocap_export": {"mocap": (*POSITION, *ROTATION)},
+    "npy_mocap": {"mocap": POSITION},
     "stand": {"stand": ("thrust",), "motor": MOTORS, "battery": ("vbat",)},
 }
 """Source -> the usual streams of its recordings. Logs contain what their configuration named: ``usd`` and ``ulog`` may

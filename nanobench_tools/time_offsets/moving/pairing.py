@@ -7,6 +7,7 @@ time. The fine and the moving part are then those of every other recording (``in
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -24,6 +25,7 @@ from ..mathematics.packet_delay import CELL_S
 from .confirm import evidence_gain
 from .evidence import Evidence, Kind
 from .infer import LATEST_S, ROW_S, smooth_delay
+from .pairing_by_speed import with_positions
 from .time_offset import TimeOffset, wander_of
 
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
@@ -46,11 +48,14 @@ START_WEIGHT = number("retiming.pairing.start_weight")
 def with_mocap(flight: Flight, tracked: Flight) -> Flight:
     """``flight`` with the motion capture of ``tracked``, which was recorded on another clock, on its own.
 
-    The offset between the clocks may be anything. The tracker's body frame is turned onto the axes of the gyro where
+    Positions alone are compared with the estimate's (``pairing_by_speed``). The offset between the clocks may be
+    anything. The tracker's body frame is turned onto the axes of the gyro where
     it lies more than SQUARE_RAD away. ``provenance.notes`` say what was done. InputError, naming the file, when the
     recordings are not of one flight or the offset is not unique.
     """
     place = f"{flight.provenance.path} with {tracked.provenance.path}"
+    if not all(q in tracked["mocap"] for q in ("qx", "qy", "qz", "qw")):
+        return with_positions(flight, tracked, partial(coarse_offset, what="speeds"))
     truth = derivatives_of(Context(tracked))
     if truth is None:
         raise InputError(tracked.provenance.path, "no motion capture of a second or more")
@@ -82,7 +87,7 @@ def with_mocap(flight: Flight, tracked: Flight) -> Flight:
 
 
 def coarse_offset(time_a: np.ndarray, a: np.ndarray, time_b: np.ndarray, b: np.ndarray,
-                  place: str) -> float:
+                  place: str, what: str = "turning rates") -> float:
     """Offset to add to ``time_b`` (m,) so that the lengths of the vectors ``b`` (m, k) match those of ``a``.
 
     Shapes: ``a`` (n, k) at ``time_a`` (n,) [s]. The result is accurate to a step of 10 ms. Raises InputError with
@@ -98,7 +103,7 @@ def coarse_offset(time_a: np.ndarray, a: np.ndarray, time_b: np.ndarray, b: np.n
     lags = correlation_lags(len(x), len(y), "full")
     best = int(np.argmax(alike))
     if alike[best] < NOWHERE * LEAST_CORRELATION:
-        raise InputError(place, f"the turning rates are alike nowhere (their magnitudes to {alike[best]:.2f} at best)",
+        raise InputError(place, f"the {what} are alike nowhere (their magnitudes to {alike[best]:.2f} at best)",
                          "give recordings of one flight that turns and overlaps by half")
     rivals = np.where(np.abs(lags - lags[best]) * STEP_S > RIVAL_S, alike, -1.0)
     if rivals.max() > RIVAL_SHARE * alike[best]:
