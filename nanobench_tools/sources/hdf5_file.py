@@ -14,7 +14,7 @@ from ..flight import Fault, Flight, Provenance, Stream, make_stream
 from .base import not_numbers, text_fault
 from .cells import GIGANTIC
 from .interpolation import count_changes
-from .payload import MOST_RATIO, SMALL_BYTES, too_large
+from .payload import check_size
 from .timestamps import not_seconds
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -62,9 +62,7 @@ def arrays_of(data: bytes, place: str, names: Collection[str]) -> dict[str, np.n
                     continue
                 if table.is_virtual or table.external:
                     raise InputError(f"{place}: {name}", "its values are in another file", "copy them into this one")
-                most = max(SMALL_BYTES, MOST_RATIO * len(data))
-                if table.nbytes > most:
-                    raise too_large(f"{place}: {name}", table.nbytes, most)
+                check_size(f"{place}: {name}", int(table.size), data)
                 values = table[()].astype(float)
                 found[name] = np.where(np.abs(values) < GIGANTIC, values, np.nan)
             return found

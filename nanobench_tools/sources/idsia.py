@@ -22,6 +22,7 @@ from .base import text_fault
 from .cells import GIGANTIC, Grid, read_grid
 from .column_map import ColumnMap, Entry
 from .header import header_of
+from .payload import check_size
 from .sheets import Sheet
 from .strangers import PARQUET_MAGIC
 from .table import flight_of
@@ -90,7 +91,11 @@ def _grid(data: bytes, place: str) -> Grid:
         grid.columns = {name: np.array(cells) for name, cells in grid.columns.items()}
         return grid
     try:
-        table = pq.read_table(pa.BufferReader(data), page_checksum_verification=True)
+        with pq.ParquetFile(pa.BufferReader(data), page_checksum_verification=True) as file:
+            check_size(place, file.metadata.num_rows * file.metadata.num_columns, data)
+            table = file.read()
+    except InputError:
+        raise
     except (pa.ArrowException, OSError, ValueError) as error:
         raise InputError(place, f"cannot be read as Parquet ({str(error).splitlines()[0][:80]})",
                          "take another copy") from None

@@ -15,11 +15,9 @@ from typing import Protocol, runtime_checkable
 from ..errors import InputError
 from ..flight import Flight
 from .base import Source
-from .payload import MOST_RATIO, SMALL_BYTES, digest, read_file, too_large, unpack
+from .payload import MOST_BYTES, MOST_RATIO, SMALL_BYTES, digest, read_file, too_large, unpack
 
 ZIP_MAGIC = b"PK\x03\x04"
-MOST_BYTES = 4 * 1024**3
-"""Of the files of one recording, unpacked: ten hours of an inertial sensor at 1 kHz as text."""
 UNREADABLE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, struct.error, OSError, ValueError, RuntimeError,
               NotImplementedError)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..flight import Flight, Provenance, make_stream
-from .payload import MOST_RATIO, SMALL_BYTES
+from .payload import check_size
 from .sheets import Sheet
 
 MAGIC = b"\x93NUMPY"
@@ -47,8 +47,7 @@ class NpyMocap:
 
     def read(self, path: Path, data: bytes, sheet: Sheet | None = None) -> Flight:
         place, shape = str(path), _about(data).get("shape", (0, 0))
-        if 8 * int(np.prod(shape)) > max(SMALL_BYTES, MOST_RATIO * len(data)):
-            raise InputError(place, f"an array of {shape} in {len(data)} bytes", "take another copy")
+        check_size(place, int(np.prod(shape)), data)
         try:
             cells = np.load(io.BytesIO(data), allow_pickle=False).astype(float)
         except (ValueError, EOFError, OSError) as error:

@@ -23,6 +23,8 @@ SMALL_BYTES = 256 * 1024**2
 MOST_RATIO = 200
 """Tables of numbers pack to a third or a twentieth; an archive that unpacks to more times its size is made to fill the
 memory."""
+MOST_BYTES = 4 * 1024**3
+"""Of one recording, unpacked: ten hours of an inertial sensor at 1 kHz as text."""
 _CHUNK_BYTES = 16 * 1024**2
 
 
@@ -55,6 +57,18 @@ def too_large(place: str, size: float, most: float) -> InputError:
                       f"size has at most {most / 1024**2:.0f} MB", "it is damaged or no recording; unpack it by hand")
 
 
+def _most(stored_bytes: int) -> int:
+    """Bytes that an archive of this size may unpack to."""
+    return min(max(SMALL_BYTES, MOST_RATIO * stored_bytes), MOST_BYTES)
+
+
+def check_size(place: str, cells: int, stored: bytes) -> None:
+    """InputError for a packed table of far more numbers than one of its size has."""
+    size, most = 8 * cells, _most(len(stored))
+    if size > most:
+        raise too_large(place, size, most)
+
+
 def _unpack_members(stored: bytes, new_decoder: Callable[[], Any], place: str) -> Payload:
     """All members of an archive, one after the other. One that only ends early is kept up to its end.
 
@@ -62,7 +76,7 @@ def _unpack_members(stored: bytes, new_decoder: Callable[[], Any], place: str) -
     made-up digits.
     """
     parts: list[bytes] = []
-    rest, size, most = stored, 0, max(SMALL_BYTES, MOST_RATIO * len(stored))
+    rest, size, most = stored, 0, _most(len(stored))
     while rest.strip(b"\x00"):  # zero padding may follow
         decoder = new_decoder()
         chunks: list[bytes] = []

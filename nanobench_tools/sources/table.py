@@ -23,6 +23,7 @@ from .column_map import DATES, ColumnMap, Entry, in_units, read_column_map
 from .dates import seconds_of_dates
 from .header import header_of
 from .interpolation import count_changes, count_packets
+from .payload import check_size
 from .sheets import Sheet
 
 PARQUET_MAGIC = b"PAR1"
@@ -197,7 +198,10 @@ def _parquet(data: bytes, place: str, column_map: ColumnMap) -> Grid:
     try:
         with pq.ParquetFile(pa.BufferReader(data)) as file:
             names = set(file.schema_arrow.names)
+            check_size(place, file.metadata.num_rows * len(names.intersection(column_map.columns)), data)
             table = file.read(columns=[c for c in column_map.columns if c in names])
+    except InputError:
+        raise
     except (pa.ArrowException, OSError, ValueError) as error:
         raise InputError(place, f"cannot be read as Parquet ({str(error).splitlines()[0][:80]})",
                          "take another copy") from None

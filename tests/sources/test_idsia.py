@@ -113,6 +113,14 @@ def test_what_is_in_another_unit_is_refused_or_left_out(tmp_path):
     assert "rpm" not in flight
 
 
+def test_a_parquet_file_of_far_too_many_rows_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("nanobench_tools.sources.payload.SMALL_BYTES", 1 << 20)
+    monkeypatch.setattr("nanobench_tools.sources.payload.MOST_RATIO", 2)
+    table = {name: np.zeros(40_000) for name in columns("{}_mocap", "{}_r")}
+    (failure,) = read(tmp_path, parquet(table)).failed
+    assert "unpacks to" in failure["error"]
+
+
 def test_filtered_tables_are_no_recordings(tmp_path):
     table = {**columns(), "m1_rads": np.zeros(1)}
     table["m1_rads"] = 0.0 * table["t"]
