@@ -32,6 +32,8 @@ UP_SHARE = 0.85
 """Cosine up to which the mean direction of up belongs to an axis of the body; EuRoC's is 0.93."""
 STEADY = 0.7
 """Length of the mean direction of up from which on the body has one."""
+APART_DEG = 30.0
+"""Up by the attitude and by the accelerometer are nearer in one body; flights tilt evenly to all sides."""
 FORWARD_SHARE = 0.7
 """Cosine up to which a camera looks along an axis of the body."""
 EUROC_UP = 0
@@ -222,9 +224,13 @@ def _quaternion(turn: np.ndarray) -> np.ndarray:
 def _forward_left_up(streams: dict[str, Stream],
                      cameras: Mapping[str, np.ndarray]) -> tuple[dict[str, Stream], list[str]]:
     """The streams in a body with x forward, y left, z up, and a note on what showed its axes."""
-    up = _up(streams)
+    by_pose, by_force = _up_by_pose(streams.get("mocap")), _up_by_force(streams.get("imu"))
+    up = by_force if by_pose is None else by_pose
     if up is None:
         return streams, []
+    if by_pose is not None and by_force is not None and (apart := _apart_deg(by_pose, by_force)) > APART_DEG:
+        return streams, [f"axes left as they are: up by the attitude and up by the accelerometer are {apart:.0f} deg "
+                         f"apart in the body, so that one of their {SHEET} is missing or wrong"]
     axis = int(np.argmax(np.abs(up)))
     if abs(up[axis]) < UP_SHARE * float(np.linalg.norm(up)):
         return streams, [f"no axis of the body points up (mean direction {up[0]:.2f}, {up[1]:.2f}, {up[2]:.2f}): its "
@@ -254,18 +260,27 @@ def _turned(stream: Stream, frame: Frame, turn: np.ndarray) -> Stream:
     return in_our_axes(stream, frame)
 
 
-def _up(streams: Mapping[str, Stream]) -> np.ndarray | None:
-    """(3,) mean direction of up in the body, by the attitude, else by the accelerometer; None where neither has one."""
-    mocap, imu = streams.get("mocap"), streams.get("imu")
-    mean = None
-    if mocap is not None and "qw" in mocap:
-        q = mocap[ROTATION]
-        q = q[np.isfinite(q).all(axis=1)]
-        if len(q):
-            mean = so3.rotate_inverse(q, np.array([0.0, 0.0, 1.0])).mean(axis=0)
-    elif imu is not None and "acc_x" in imu:
-        acc = imu[ACC]
-        acc = acc[np.isfinite(acc).all(axis=1)]
-        size = float(np.median(np.linalg.norm(acc, axis=1))) if len(acc) else 0.0
-        mean = acc.mean(axis=0) / size if size > 0.0 else None
-    return mean if mean is not None and float(np.linalg.norm(mean)) > STEADY else None
+def _up_by_pose(mocap: Stream | None) -> np.ndarray | None:
+    """(3,) mean direction of up in the body; None without an attitude, or where the body has none."""
+    if mocap is None or "qw" not in mocap:
+        return None
+    q = mocap[ROTATION]
+    q = q[np.isfinite(q).all(axis=1)]
+    mean = so3.rotate_inverse(q, np.array([0.0, 0.0, 1.0])).mean(axis=0) if len(q) else np.zeros(3)
+    return mean if float(np.linalg.norm(mean)) > STEADY else None
+
+
+def _up_by_force(imu: Stream | None) -> np.ndarray | None:
+    """The same by the accelerometer."""
+    if imu is None or "acc_x" not in imu:
+        return None
+    acc = imu[ACC]
+    acc = acc[np.isfinite(acc).all(axis=1)]
+    size = float(np.median(np.linalg.norm(acc, axis=1))) if len(acc) else 0.0
+    mean = acc.mean(axis=0) / size if size > 0.0 else np.zeros(3)
+    return np.asarray(mean) if float(np.linalg.norm(mean)) > STEADY else None
+
+
+def _apart_deg(a: np.ndarray, b: np.ndarray) -> float:
+    cosine = float(a @ b / (np.linalg.norm(a) * np.linalg.norm(b)))
+    return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))

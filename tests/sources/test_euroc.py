@@ -80,6 +80,18 @@ def test_the_pose_of_markers_becomes_that_of_the_body(tmp_path):
     check(one(write_folder(tmp_path, {**members("vicon0"), **CAMERA})), velocity=False)
 
 
+def test_a_pose_and_an_imu_of_different_axes_are_left_alone_and_told(tmp_path):
+    """The sheet that turns the IMU into the body is lost."""
+    turn = Rotation.from_euler("y", 90.0, degrees=True).as_matrix()
+    files = {**members(imu_in_body=turn), **CAMERA}
+    del files["imu0/sensor.yaml"]
+    flight = one(write_folder(tmp_path, files))
+    assert any("deg apart in the body, so that one of their sensor.yaml is missing" in n
+               for n in flight.provenance.notes)
+    assert "imu0: no T_BS in a sensor.yaml, so its axes and origin are taken as those of the body" in (
+        flight.metadata["read_as"])
+
+
 def test_a_turned_imu_is_turned_back(tmp_path):
     turn = Rotation.from_euler("ZYX", (30.0, -40.0, 15.0), degrees=True).as_matrix()
     flight = one(write_folder(tmp_path, {**members(imu_in_body=turn), **CAMERA}))
