@@ -146,8 +146,9 @@ def _cleaned(grid: Grid, place: str) -> tuple[list[str], list[Fault]]:
         names = [pattern.format(a) for a in "xyz"]
         if all(n in columns for n in names):
             set_ = np.flatnonzero(np.any([columns[n] != 0.0 for n in names], axis=0))
-            for n in names:
-                columns[n][: set_[0] if len(set_) else None] = np.nan
+            for n in (*names, pattern.format("yaw")):
+                if n in columns:
+                    columns[n][: set_[0] if len(set_) else None] = np.nan
     return notes, faults
 
 
@@ -175,6 +176,7 @@ def _map(grid: Grid, clock: str, gravity: float) -> ColumnMap:
     entries += [Entry("rpm", f"m{k}", f"m{k}_erpm", unit="rad/s") for k in (1, 2, 3, 4)]
     entries += [Entry("command", "thrust", "thrust"), Entry("battery", "vbat", "Vbat", unit="V")]
     entries += [Entry("setpoint", a, wanted.format(a), unit="m") for a in "xyz"]
+    entries += [Entry("setpoint", "yaw", wanted.format("yaw"), unit="rad")]
     return ColumnMap("the format", Entry("", "time", clock, unit="s"),
                      tuple(e for e in entries if e.column in grid.columns), {}, "")
 

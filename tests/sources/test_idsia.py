@@ -72,6 +72,9 @@ def test_every_stream_has_its_unit_and_frame(tmp_path, write):
     np.testing.assert_allclose(flight["estimator_acc"]["az"], table["az"] - 9.81)
     np.testing.assert_allclose(flight["mocap"]["px", "py", "pz"].T, [table[names[0].format(x)] for x in "xyz"])
     assert flight["setpoint"].time_s[0] == pytest.approx(2.0)
+    yaw = names[1].format("yaw")
+    (with_yaw,) = read(tmp_path, write({**table, yaw: 0.1 * table["t"]})).flights
+    np.testing.assert_allclose(with_yaw["setpoint"]["yaw"], 0.1 * with_yaw["setpoint"].time_s)
 
 
 def test_invalid_cells_are_missing(tmp_path):
