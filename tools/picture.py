@@ -30,11 +30,15 @@ def as_svg(figure_json: str) -> str:
         url = str(page.evaluate(
             """async ([text, width, height]) => {
                  const figure = JSON.parse(text);
-                 await Plotly.newPlot('p', figure.data, {...figure.layout, width, height});
-                 return await Plotly.toImage('p', {format: 'svg', width, height});
+                 const size = {width, height: figure.layout.height ?? height};
+                 await Plotly.newPlot('p', figure.data, {...figure.layout, ...size});
+                 return await Plotly.toImage('p', {format: 'svg', ...size});
                }""", [figure_json, WIDTH, HEIGHT]))
         browser.close()
-    return re.sub(r"(\d+\.\d{2})\d+", r"\1", unquote(url.split(",", 1)[1]))
+    def shorter(attribute: re.Match[str]) -> str:
+        return re.sub(r"(\d+\.\d{2})\d+", r"\1", attribute[0])
+
+    return re.sub(r'"[^"]*"', shorter, unquote(url.split(",", 1)[1]))  # numbers of the texts stay whole
 
 
 def _chromium() -> str | None:

@@ -23,6 +23,8 @@ MESSAGE_WORDS = 5
 
 _LEFT_OUT = re.compile(r"```.*?```|`+[^`\n]*`+|<!--.*?-->|\$\$.*?\$\$|\$[^$\n]+\$", re.S)
 _LINES_LEFT_OUT = re.compile(r"^\s*(\||#|>>>|\.\.\.|!!!|:::|!\[).*$", re.M)
+_SECTION = re.compile(r"^[ \t]*(?:\w[\w ]*\n[ \t]*-{3,}|\w[\w, ]* : [^\n]*|[A-Z]\w+)[ \t]*$", re.M)
+"""Headings of numpydoc sections, and their lines of names and types."""
 _LINK = re.compile(r"\[([^\]]*)\]\([^)]*\)")
 _BREAK = re.compile(r"(?<=[.!?;])\s+(?=[A-Z`(*])|\n\s*\n|^\s*(?:[-*]|\d+\.) ", re.M)
 _COMMENT = re.compile(r"(?:^|\s)#\s(.*)$")
@@ -47,7 +49,8 @@ class Finding(NamedTuple):
 
 def sentences(text: str) -> Iterator[str]:
     """Yield the sentences of a text without code, tables, headings and formulas."""
-    text = _LINK.sub(r"\1", _LINES_LEFT_OUT.sub("", _LEFT_OUT.sub(" X ", text)))
+    text = _LINES_LEFT_OUT.sub("", _SECTION.sub("\n", _LEFT_OUT.sub(" X ", text)))
+    text = _LINK.sub(r"\1", text)
     for part in _BREAK.split(text):
         words = part.split()
         if len(words) > 2:

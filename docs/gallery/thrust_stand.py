@@ -1,7 +1,7 @@
 # %% [markdown]
-# # A thrust map from a stand
+# # A thrust map from stand data
 #
-# Tables of a thrust stand give thrust against command and voltage. These tables are SYNTHETIC: four motors of
+# Thrust-stand tables give thrust against command and voltage. These tables are SYNTHETIC: four motors of
 # 0.011 N/V² each.
 
 # %%

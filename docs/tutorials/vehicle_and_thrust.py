@@ -1,7 +1,7 @@
 # %% [markdown]
 # # 4. Fit a vehicle and its thrust
 #
-# `nb.fit` combines flights with priors from thrust stands and the firmware. The flights are SYNTHETIC, of one vehicle
+# `nb.fit` combines flights with priors from thrust-stand data and the firmware. The flights are SYNTHETIC, of one vehicle
 # with a mass of 40.85 g.
 
 # %%
@@ -27,7 +27,7 @@ print(model.score(flights).round(4).to_string())
 
 # %%
 # alt: Parameters of the fitted vehicle with their 95 % intervals.
-model.plot()
+model.plot().update_layout(height=640)
 
 # %% [markdown]
 # Thrust of one motor follows from its command and the battery voltage. From flights, only thrust over mass is visible,

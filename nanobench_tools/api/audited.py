@@ -118,8 +118,20 @@ def audit(flights: Flight) -> FlightAudit: ...
 def audit(flights: Iterable[Flight]) -> FlightAudits: ...
 @speaks_python
 def audit(flights: Flight | Iterable[Flight]) -> FlightAudit | FlightAudits:
-    """Audits a flight (FlightAudit) or several (FlightAudits): faults, clean spans, whose clock is late, copies.
+    """Find the faults of one or several flights, their clean spans, late clocks and copies.
 
+    Parameters
+    ----------
+    flights : Flight or iterable of Flight
+        As ``nb.load`` gives them.
+
+    Returns
+    -------
+    FlightAudit or FlightAudits
+        For one flight or for several.
+
+    Examples
+    --------
     >>> import nanobench_tools as nb
     >>> found = nb.audit(nb.simulate(2, seed=1, seconds=12.0)[0])
     >>> found.severity in ("fine", "minor"), found.can["estimate"]

@@ -62,11 +62,31 @@ class Tracking:
 @speaks_python
 def control(flights: Flight | Iterable[Flight], protocol: str | Sequence[str] = "clean", clock: str = "as-recorded",
             seed: int = 0) -> Tracking:
-    """Scores how well recorded flights followed their set-points, by path, speed and controller.
+    """Score how well recorded flights followed their set-points, by path, speed and controller.
 
-    protocol: ``clean`` (the phase in which a path was streamed), ``as-published``, or both in a list. InputError where
-    no flight can be scored.
+    Parameters
+    ----------
+    flights : Flight or iterable of Flight
+        As ``nb.load`` gives them.
+    protocol : str or list of str
+        ``clean`` (the phase in which a path was streamed), ``as-published``, or both.
+    clock : str
+        ``as-recorded``, ``offset`` (a constant per flight removed) or ``retimed`` (a moving error removed).
+    seed : int
+        Of everything random. The same seed gives the same result.
 
+    Returns
+    -------
+    Tracking
+        Errors in m and m/s with intervals.
+
+    Raises
+    ------
+    InputError
+        Where no flight can be scored.
+
+    Examples
+    --------
     >>> import nanobench_tools as nb
     >>> found = nb.control(nb.simulate(2, seed=1, seconds=12.0))
     >>> bool((found.table["rmse_m"] > 0.0).all())

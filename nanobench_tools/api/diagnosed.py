@@ -107,18 +107,37 @@ Believed = Model | VehicleModel | Callable[..., Any] | str | os.PathLike[str] | 
 @speaks_python
 def diagnose(flights: Flight | Iterable[Flight], simulator: Believed, seed: int = 0,
              mass_kg: float = 0.04085, engine: str = "posterior") -> Diagnosis:
-    """Compares a simulator with flights: omitted effects, their size and confidence, and what correcting them gains.
+    """Compare a simulator with flights: omitted effects, their size and confidence, and the gain of correcting them.
 
-    - simulator: a model that ``nb.fit`` gave, a ``Model``, or the path of a simulator.toml. A callable
-      (``nanobench_tools.physics.adapters.given``) or its name (``module:callable``, ``rotorpy``). Or flights that the
-      simulator made, as flights or as their folder.
-    - mass_kg: mass that a callable, or a simulator known by its flights, was given; flights show only thrust over
-      mass.
-    - engine: "posterior", which weighs every set of up to three effects, or the older "rules".
+    A wandering clock is re-timed and faults of the data are left out first.
 
-    A wandering clock is re-timed and faults of the data are left out first. InputError for recordings of a vehicle
-    with another number of rotors.
+    Parameters
+    ----------
+    flights : Flight or iterable of Flight
+        As ``nb.load`` gives them.
+    simulator
+        A model of ``nb.fit``, a ``Model``, or the path of a simulator.toml. Or a callable
+        (``nanobench_tools.physics.adapters.given``) or its name (``module:callable``, ``rotorpy``). Or flights that
+        the simulator made, as flights or as their folder.
+    seed : int
+        Of everything random. The same seed gives the same result.
+    mass_kg : float
+        Mass that a callable, or a simulator known by its flights, was given; flights show only thrust over mass.
+    engine : str
+        ``posterior``, which weighs every set of up to three effects, or the older ``rules``.
 
+    Returns
+    -------
+    Diagnosis
+        Findings in SI units with 95 % intervals, errors of predictions before and after, the corrected simulator.
+
+    Raises
+    ------
+    InputError
+        For recordings of a vehicle with another number of rotors.
+
+    Examples
+    --------
     >>> import nanobench_tools as nb
     >>> flights = nb.simulate(2, seed=1, seconds=12.0)
     >>> found = nb.diagnose(flights, nb.fit(flights, ["thrust_voltage", "inertia", "motor_lag"]))

@@ -108,16 +108,37 @@ def table_of(rows: Iterable[EstimateRow]) -> pd.DataFrame:
 @speaks_python
 def estimate(flights: Flight | Iterable[Flight], method: Any = "drag_ekf", protocol: str = "aided",
              clock: str = "as-recorded", seed: int = 0) -> Estimates:
-    """Runs estimators on flights and scores them against motion capture.
+    """Run estimators on flights and score them against motion capture.
 
-    - method: a name (``nanobench estimate --list``), an object or class behind the ``Estimator`` protocol, or several
-      in a list.
-    - protocol: ``aided`` (ten noisy poses a second), ``blackout`` (none after t0), ``whole-flight`` (none after
-      take-off), ``clean`` (the logged estimate), ``as-published``.
-    - clock: ``as-recorded``, ``offset``, ``retimed``.
+    Parameters
+    ----------
+    flights : Flight or iterable of Flight
+        As ``nb.load`` gives them.
+    method : str, Estimator or list of them
+        A registered name (``nanobench estimate --list``), or an object or class behind the ``Estimator`` protocol.
+    protocol : str
+        ``aided`` (ten noisy poses a second), ``blackout`` (no pose after t0), ``whole-flight`` (no pose after
+        take-off), ``clean`` (the logged estimate) or ``as-published``.
+    clock : str
+        ``as-recorded``, ``offset`` (a constant per flight removed) or ``retimed`` (a moving error removed).
+    seed : int
+        Of everything random. The same seed gives the same result.
 
-    Raises UsageError for an unknown name, InputError where no flight can be scored.
+    Returns
+    -------
+    Estimates
+        Metrics with intervals, and the trajectories: position in m, quaternion x y z w, in the frame of the motion
+        capture.
 
+    Raises
+    ------
+    UsageError
+        For an unknown name.
+    InputError
+        Where no flight can be scored.
+
+    Examples
+    --------
     >>> import nanobench_tools as nb
     >>> found = nb.estimate(nb.simulate(2, seed=1, seconds=12.0), "drag_ekf")
     >>> bool(found.metrics.loc["drag_ekf", "ate_rmse_m"] < 0.1)
@@ -139,11 +160,25 @@ def estimate(flights: Flight | Iterable[Flight], method: Any = "drag_ekf", proto
 @speaks_python
 def compare(flights: Flight | Iterable[Flight], methods: Sequence[Any], protocol: str = "aided",
             clock: str = "as-recorded", seed: int = 0) -> pd.DataFrame:
-    """Estimators against each other on the same flights: a row per method and metric over all flights.
+    """Compare estimators on the same flights.
 
-    ``ratio`` is the mean error over that of ``compared_with`` on the same flights, with the interval of the pairs. A
-    method is better where ``ratio_high`` is below one. Arguments as ``estimate``.
+    Parameters
+    ----------
+    flights : Flight or iterable of Flight
+        As ``nb.load`` gives them.
+    methods : list
+        Two or more methods, each as in ``estimate``.
+    protocol, clock, seed
+        As in ``estimate``.
 
+    Returns
+    -------
+    pandas.DataFrame
+        A row per method and metric over all flights. ``ratio`` is the mean error over that of ``compared_with`` on
+        the same flights, with the interval of the pairs. A method is better where ``ratio_high`` is below one.
+
+    Examples
+    --------
     >>> import nanobench_tools as nb
     >>> flights = nb.simulate(2, seed=1, seconds=12.0)
     >>> table = nb.compare(flights, ["drag_ekf", "strapdown"])

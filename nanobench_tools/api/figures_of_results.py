@@ -136,5 +136,6 @@ def improvement_figure(table: pd.DataFrame) -> Any:
         figure.add_trace(go.Bar(x=labels, y=table[column], name=column))
     if not labels:
         missing(figure, "no prediction: this verdict has none, its paragraph says why")
-    figure.update_layout(title="Prediction of flights left out", yaxis={"type": "log", "dtick": "D1"}, barmode="group")
+    figure.update_layout(title="Prediction of flights left out", barmode="group",
+                         yaxis={"type": "log", "dtick": 1, "exponentformat": "power"})
     return figure

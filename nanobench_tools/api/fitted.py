@@ -180,21 +180,43 @@ class VehicleModel:
 def fit(flights: Flight | Iterable[Flight], terms: Sequence[str] | Mapping[str, Mapping[str, Any]] | None = None,
         mass_kg: float = 0.04085, seed: int = 0, priors: str | os.PathLike[str] | None = None,
         arm_m: float | None = None) -> VehicleModel:
-    """The vehicle that flew: the same as ``nanobench sysid --train`` exports from the same flights.
+    """Fit the vehicle that flew.
 
     Thrust level, drag, moment of the air, trim and inertia are read from whole flights. What flights cannot identify
-    keeps its prior and is marked (``parameters_.prior_share``).
-
-    - terms: names of effects to fit to predictions half a second ahead instead (``nanobench sysid --list``). Such a
-      model predicts, and need not be a physical vehicle.
-    - mass_kg: from a scale; flights show only ratios to it.
-    - arm_m: from the centre to each motor (default 0.046).
-    - priors: a file in the form of ``identification/vehicle/priors.toml`` with numbers of your own vehicle. The
-      shipped priors are scaled by mass and arm for vehicles of another size.
+    keeps its prior and is marked (``parameters_.prior_share``). ``nanobench sysid --train`` exports the same vehicle.
 
     Velocity that is not recorded follows from the positions. Without any battery voltage, a constant one is assumed,
-    and ``result.assumed`` lists it. InputError where no flight can be used, with the reason.
+    and ``result.assumed`` lists it.
 
+    Parameters
+    ----------
+    flights : Flight or iterable of Flight
+        As ``nb.load`` gives them.
+    terms : list of str, optional
+        Names of effects to fit to predictions half a second ahead instead (``nanobench sysid --list``). Such a model
+        predicts, and need not be a physical vehicle.
+    mass_kg : float
+        From a scale; flights show only ratios to it.
+    seed : int
+        Of everything random. The same seed gives the same result.
+    priors : path, optional
+        A file in the form of ``identification/vehicle/priors.toml`` with numbers of your own vehicle. The shipped
+        priors are scaled by mass and arm for vehicles of another size.
+    arm_m : float, optional
+        From the centre to each motor; default 0.046.
+
+    Returns
+    -------
+    VehicleModel
+        Parameters in SI units with intervals; it predicts, linearises, and writes a simulator.toml.
+
+    Raises
+    ------
+    InputError
+        Where no flight can be used, with the reason.
+
+    Examples
+    --------
     >>> import nanobench_tools as nb
     >>> model = nb.fit(nb.simulate(3, seed=1, seconds=12.0))
     >>> bool(0.5 < model.parameters_.loc["thrust_scale.s", "value"] < 1.5)

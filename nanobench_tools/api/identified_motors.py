@@ -57,11 +57,31 @@ class Motors:
 @speaks_python
 def motors(flights: Flight | Iterable[Flight], test: Flight | Iterable[Flight] | None = None,
            mass_kg: float | None = None, seed: int = 0) -> Motors:
-    """Identifies the motors of one vehicle from flights with rotor speed and PWM, logged at 200 Hz or more.
+    """Identify the motors of one vehicle from flights with rotor speed and PWM, logged at 200 Hz or more.
 
-    test: flights that judge; None: whole flights are held out in turn. mass_kg: of the vehicle with battery; without
-    it thrust and inertia are ratios to the mass. Raises InputError where the flights hold too little.
+    Parameters
+    ----------
+    flights : Flight or iterable of Flight
+        As ``nb.load`` gives them.
+    test : Flight or iterable of Flight, optional
+        Flights that judge; None: whole flights are held out in turn.
+    mass_kg : float, optional
+        Of the vehicle with battery; without it thrust and inertia are ratios to the mass.
+    seed : int
+        Of everything random. The same seed gives the same result.
 
+    Returns
+    -------
+    Motors
+        Lag and delay in s, thrust and moments from rotor speed, inertia.
+
+    Raises
+    ------
+    InputError
+        Where the flights contain too little.
+
+    Examples
+    --------
     >>> nb.motors(nb.load("logs_with_rotor_speed"), mass_kg=0.037).table  # doctest: +SKIP
     """
     read = some(flights)

@@ -87,12 +87,27 @@ class Flights(Sequence[Flight]):
 
 
 def load(path: Place | Sequence[Place] | None = None, columns: Place | None = None) -> Flights:
-    """Reads every recording below ``path``: a file, a folder, or several.
+    """Read every recording below a path.
 
-    path: None for the default places ($NANOBENCH_DATA, ./data). columns: a column map (TOML) for tables of your own;
-    ``nanobench columns FILE`` drafts one. A file that cannot be read is listed in ``failed`` and stops nothing.
-    Raises InputError where no recording is found.
+    Parameters
+    ----------
+    path : path or list of paths, optional
+        A file, a folder, or several. None: the default places ($NANOBENCH_DATA, ./data).
+    columns : path, optional
+        A column map (TOML) for tables of your own; ``nanobench columns FILE`` drafts one.
 
+    Returns
+    -------
+    Flights
+        In the order of their paths. A file that cannot be read is listed in ``failed`` and stops nothing.
+
+    Raises
+    ------
+    InputError
+        Where no recording is found.
+
+    Examples
+    --------
     >>> import nanobench_tools as nb
     >>> from nanobench_tools.sources import write_nanobench
     >>> import pathlib, tempfile
@@ -109,8 +124,27 @@ def load(path: Place | Sequence[Place] | None = None, columns: Place | None = No
 
 
 def load_flight(file: Place, columns: Place | None = None) -> Flight:
-    """Reads one recording. InputError names the file and what is wrong with it; more than one recording is an error.
+    """Read one recording.
 
+    Parameters
+    ----------
+    file : path
+        Of the recording.
+    columns : path, optional
+        A column map (TOML) for a table of your own.
+
+    Returns
+    -------
+    Flight
+        Streams in SI units; times in s from the first row.
+
+    Raises
+    ------
+    InputError
+        Names the file and what is wrong with it; more than one recording is an error, too.
+
+    Examples
+    --------
     >>> import nanobench_tools as nb
     >>> from nanobench_tools.sources import write_nanobench
     >>> import pathlib, tempfile

@@ -8,13 +8,33 @@ from .loading import Flights
 
 def simulate(n: int = 1, seed: int = 0, family: str | None = None, seconds: float | None = None,
              controller: Controller | None = None) -> Flights:
-    """n made-up flights (SYNTHETIC), each of a different vehicle, flown on a path and logged as the recordings are.
+    """Make flights (SYNTHETIC), each of a different vehicle, flown on a path and logged as the recordings are.
 
-    family: of the path (``circle``, ``figure_eight`` ...; None: all in turn); seconds: length of the path. controller:
-    your own, which flies all of them; None: the onboard PID and Mellinger. The same arguments give the same flights.
-    Without a controller of yours they are kept in the cache: half a minute the first time. UsageError for an unknown
-    family.
+    Parameters
+    ----------
+    n : int
+        How many.
+    seed : int
+        The same arguments give the same flights.
+    family : str, optional
+        Of the path (``circle``, ``figure_eight`` ...); None: all in turn.
+    seconds : float, optional
+        Length of the path, s.
+    controller : Controller, optional
+        Your own, which flies all of them; None: the onboard PID and Mellinger.
 
+    Returns
+    -------
+    Flights
+        Without a controller of yours they are kept in the cache: half a minute the first time.
+
+    Raises
+    ------
+    UsageError
+        For an unknown family.
+
+    Examples
+    --------
     >>> import nanobench_tools as nb
     >>> nb.simulate(2, seed=1, seconds=12.0)[0].provenance.synthetic
     True

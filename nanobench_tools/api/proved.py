@@ -58,16 +58,35 @@ class BlindProof:
 @speaks_python
 def prove(cases: int = 200, kind: Sequence[str] = (), engine: str = "both", seed: int = 0,
           diagnosed_by: str = "posterior") -> BlindProof:
-    """Diagnoses SYNTHETIC cases whose truth is sealed until the last verdict, and scores the verdicts.
+    """Diagnose SYNTHETIC cases whose truth is sealed until the last verdict, and score the verdicts.
 
-    kind: null, single, twin, pair, fault, change, foreign (empty: all, in fixed shares).
+    ``nanobench prove --concealed`` and ``--real`` do the same with recordings.
 
-    engine: the simulator that flies the cases, ``practice``, ``rotorpy`` or ``both``. diagnosed_by: "posterior"
-    or "rules".
+    Parameters
+    ----------
+    cases : int
+        Number of cases.
+    kind : list of str
+        null, single, twin, pair, fault, change, foreign; empty: all, in fixed shares.
+    engine : str
+        The simulator that flies the cases: ``practice``, ``rotorpy`` or ``both``.
+    seed : int
+        Of everything random. The same seed gives the same result.
+    diagnosed_by : str
+        ``posterior`` or ``rules``.
 
-    Raises UsageError for an unknown kind, engine or method. Recordings instead of cases:
-    ``nanobench prove --concealed``, ``--real``.
+    Returns
+    -------
+    BlindProof
+        A row per kind of case, with exact intervals.
 
+    Raises
+    ------
+    UsageError
+        For an unknown kind, engine or method.
+
+    Examples
+    --------
     >>> nb.prove(20, seed=3).table  # doctest: +SKIP
     """
     if engine not in ENGINES:

@@ -13,13 +13,30 @@ from .quiet_options import some
 
 
 def report(flights: Flight | Iterable[Flight], out_dir: str | Path = "results") -> Path:
-    """Writes report.html and its tables (CSV, LaTeX) into ``out_dir`` and gives the path of the page.
+    """Write report.html and its tables (CSV, LaTeX) into a folder.
 
     The flights are audited. Results that are already in ``out_dir`` are shown, too. Files of ``nanobench run``:
     audit.json, estimate.json, sysid.json, thrust.json and control.json. File of ``nanobench diagnose``: verdict.json.
 
-    Raises ``InputError`` for an invalid result file.
+    Parameters
+    ----------
+    flights : Flight or iterable of Flight
+        As ``nb.load`` gives them.
+    out_dir : path
+        Folder of the page.
 
+    Returns
+    -------
+    pathlib.Path
+        Of the page.
+
+    Raises
+    ------
+    InputError
+        For an invalid result file.
+
+    Examples
+    --------
     >>> import tempfile
     >>> import nanobench_tools as nb
     >>> flights = nb.simulate(2, seed=1, seconds=12.0)

@@ -123,14 +123,31 @@ class Thrust:
 
 def thrust(recordings: Flight | Iterable[Flight], test: Flight | Iterable[Flight] = (),
            mass_kg: float | None = None, seed: int = 0) -> Thrust:
-    """Thrust from PWM and battery voltage: the map that predicts recordings it was not fitted to best.
+    """Fit thrust to PWM and battery voltage, and choose the map that predicts other recordings best.
 
-    recordings: flights, or thrust-stand tables, as ``nb.load`` reads them; test: others to score on, instead of the
-    usual split.
+    Parameters
+    ----------
+    recordings : Flight or iterable of Flight
+        Flights, or tables of a thrust stand, as ``nb.load`` reads them.
+    test : Flight or iterable of Flight
+        Others to score on, instead of the usual split.
+    mass_kg : float, optional
+        Of the vehicle; free flight shows thrust over mass only. Without it 0.04085 is assumed.
+    seed : int
+        Of everything random. The same seed gives the same result.
 
-    mass_kg: of the vehicle; free flight shows thrust over mass only. Without it 0.04085 is assumed.
-    InputError where nothing can be fitted.
+    Returns
+    -------
+    Thrust
+        Thrust of one motor in N from a command of 0 to 1 and a voltage in V, and the reverse.
 
+    Raises
+    ------
+    InputError
+        Where no map can be fitted.
+
+    Examples
+    --------
     >>> import nanobench_tools as nb
     >>> found = nb.thrust(nb.simulate(3, seed=1, seconds=12.0))
     >>> found.formula.startswith("T = ")

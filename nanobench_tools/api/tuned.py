@@ -70,17 +70,45 @@ class Tuning:
 def tune(controller: str, simulator: str | Path | Simulator | None = None, trajectory: Sequence[str] = (),
          judge: Sequence[str] = (), speed: Sequence[float] = (), seconds: float = 7.5, plants: int = 8,
          radio_delay_s: float = 0.03, budget: int = 120, seed: int = 0) -> Tuning:
-    """Searches the gains of a registered controller on simulated plants, and judges them on others.
+    """Search the gains of a registered controller on simulated plants, and judge them on others.
 
-    - simulator: path of a simulator.toml, the result of ``nb.fit``, or None for the shipped vehicle.
-    - trajectory, judge: families of paths to search and to judge on (empty: the usual ones), at speed [m/s], each of
-      length seconds [s].
-    - plants: number to search on; twice as many others judge.
-    - budget: trials.
+    Parameters
+    ----------
+    controller : str
+        Registered name of a controller with gains.
+    simulator : path, VehicleModel or None
+        A simulator.toml, the result of ``nb.fit``, or None for the shipped vehicle.
+    trajectory, judge : list of str
+        Families of paths to search and to judge on; empty: the usual ones.
+    speed : list of float
+        Of the paths, m/s.
+    seconds : float
+        Length of each path, s.
+    plants : int
+        Number to search on; twice as many others judge.
+    radio_delay_s : float
+        Of the command, s.
+    budget : int
+        Trials.
+    seed : int
+        Of everything random. The same seed gives the same result.
 
-    UsageError for a controller without gains or a family among both, InputError for a simulator that no controller can
-    fly, NanobenchError where a flight failed.
+    Returns
+    -------
+    Tuning
+        Gains, and a row per path that judged.
 
+    Raises
+    ------
+    UsageError
+        For a controller without gains, or a family in both lists.
+    InputError
+        For a simulator that no controller can fly.
+    NanobenchError
+        Where a flight failed.
+
+    Examples
+    --------
     >>> nb.tune("mellinger").table  # doctest: +SKIP
     """
     searched, judged = paths(trajectory, judge, speed, seconds)

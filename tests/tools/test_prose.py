@@ -34,6 +34,7 @@ def test_hard_wording_is_found(text):
     "```\nwhatever stands here is code\n```\nA short sentence follows here.",
     "| this | row stands in a table |\n",
     "word " * 25,
+    "Parameters\n----------\nseed : int\n    Of a thing.\n\nRaises\n------\nInputError\n    " + "word " * 25,
 ])
 def test_plain_wording_and_code_are_passed_over(text):
     assert found(text) == []
