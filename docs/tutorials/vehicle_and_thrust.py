@@ -1,8 +1,8 @@
 # %% [markdown]
 # # 4. Fit a vehicle and its thrust
 #
-# `nb.fit` combines flights with priors from thrust-stand data and the firmware. The flights are SYNTHETIC, of one vehicle
-# with a mass of 40.85 g.
+# `nb.fit` combines flights with priors from thrust-stand data and the firmware. The flights are SYNTHETIC, of one
+# vehicle with a mass of 40.85 g.
 
 # %%
 import nanobench_tools as nb
