@@ -183,7 +183,9 @@ Found = list[tuple[Path, str, bytes]]
 
 def _gathered(found: Found, known: Mapping[str, Source]) -> tuple[
         Found, dict[Path, Path], dict[Path, tuple[tuple[str, Path], ...]]]:
-    """Recordings in place of the files of which they consist; by their paths what to call them, and their files."""
+    """Recordings in place of the files of which they consist, in the order of their first files; by their paths what to
+    call them, and their files."""
+    order = {path: place for place, (path, _, _) in enumerate(found)}
     kept = [entry for entry in found if not isinstance(known[entry[1]], FolderSource)]
     labels, members = {}, {}
     for name in dict.fromkeys(name for _, name, _ in found):
@@ -195,7 +197,12 @@ def _gathered(found: Found, known: Mapping[str, Source]) -> tuple[
                 members[group.place] = tuple(group.files.items())
     inside = {path for files in members.values() for _, path in files}
     kept = [entry for entry in kept if entry[0] in members or entry[0] not in inside]
-    return sorted(kept, key=lambda entry: entry[0].parts), labels, members
+
+    def place(entry: tuple[Path, str, bytes]) -> int:
+        path = entry[0]
+        return min(order.get(p, len(order)) for p in (path, *dict(members.get(path, ())).values()))
+
+    return sorted(kept, key=place), labels, members
 
 
 def _vehicles(source: Source, paths: Sequence[Path]) -> tuple[str, ...]:

@@ -50,6 +50,11 @@ def test_recursive_sorted_by_content(folder):
     assert loaded.failed == []
 
 
+def test_files_keep_the_order_in_which_they_are_given(folder):
+    given = [folder / "b" / "other.csv", folder / "a" / "deep" / "log00", folder / "a" / "flight.csv"]
+    assert [f.name for f in load_recordings(given).flights] == ["other", "log00", "flight"]
+
+
 def test_order_and_result_do_not_depend_on_the_file_system_or_jobs(folder, monkeypatch):
     right = load_recordings([folder])
     walk = os.walk
