@@ -183,8 +183,8 @@ Found = list[tuple[Path, str, bytes]]
 
 def _gathered(found: Found, known: Mapping[str, Source]) -> tuple[
         Found, dict[Path, Path], dict[Path, tuple[tuple[str, Path], ...]]]:
-    """Recordings in place of the files of which they consist, in the order of their first files; by their paths what to
-    call them, and their files."""
+    """Recordings in place of the files of which they consist, in the order of their first files. By their paths: what
+    to call them, and their files."""
     order = {path: place for place, (path, _, _) in enumerate(found)}
     kept = [entry for entry in found if not isinstance(known[entry[1]], FolderSource)]
     labels, members = {}, {}
