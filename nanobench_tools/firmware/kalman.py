@@ -1,8 +1,12 @@
 """The Kalman filter's core (kalman_core.c, mm_position.c, mm_pose.c, kalman_core_params_defaults.h of 2025.12.1).
 
 State: position [m, world], velocity [m/s, **body**], attitude error [rad, body]. In addition a quaternion w, x, y, z
-(body to world) and its rotation matrix, which changes only in ``finalize``. No biases, no wind, no drag: in flight the
-horizontal specific force is not used. Products with a zero of a sparse matrix are left out; they change no digit.
+(body to world) and its rotation matrix, which changes only in ``finalize``. No biases and no wind: in flight the horizontal
+specific force is not used. Products with a zero of a sparse matrix are left out; they change no digit.
+
+Drag is that of 2026.04 (pull request 1584): -b v + b (w x r) per body axis, b = ``drag_1_s`` (``kalman.dragB_x`` ...)
+and r = ``pressure_m`` (``kalman.cop_x`` ...). The firmware documents b in N s/m but multiplies velocities by it without
+a mass, so that its unit is 1/s. With b = 0, the default, the filter is that of 2025.12.1 to the last digit.
 """
 
 from __future__ import annotations
@@ -25,9 +29,10 @@ PARAMETERS = np.dtype([("sd_xy_m", "f4"), ("sd_z_m", "f4"), ("sd_velocity_m_s", 
                        ("sd_yaw_rad", "f4"), ("acc_xy_m_s2", "f4"), ("acc_z_m_s2", "f4"), ("velocity_m_s", "f4"),
                        ("position_m", "f4"), ("attitude_rad", "f4"), ("gyro_tilt_rad_s", "f4"),
                        ("gyro_yaw_rad_s", "f4"), ("initial_m", "f4", 3), ("initial_yaw_rad", "f4"),
-                       ("reversion", "f4"), ("max_position_m", "f4"), ("max_velocity_m_s", "f4")], align=True)
+                       ("reversion", "f4"), ("max_position_m", "f4"), ("max_velocity_m_s", "f4"), ("drag_1_s", "f4", 3),
+                       ("pressure_m", "f4", 3)], align=True)
 """Group ``kalman``: initial values and their SD, process noise, and how fast an attitude on the ground returns to the
-first one. Also the limit of the state beyond which the filter restarts (0: never)."""
+first one. Also the limit of the state beyond which the filter restarts (0: never), drag and its centre of pressure."""
 
 CORE = np.dtype([("state", "f4", 9), ("quaternion", "f4", 4), ("rotation", "f4", (3, 3)), ("covariance", "f4", (9, 9)),
                  ("initial", "f4", 4), ("predicted_ms", "i8"), ("noise_ms", "i8"), ("updated", "i1")], align=True)
@@ -100,9 +105,11 @@ def predict(p: Record, s: Record, acc: np.ndarray, rate: np.ndarray, now_ms: int
     a[3, 7], a[3, 8] = GRAVITY * r[2, 2] * dt, -GRAVITY * r[2, 1] * dt
     a[4, 6], a[4, 8] = -GRAVITY * r[2, 2] * dt, GRAVITY * r[2, 0] * dt
     a[5, 6], a[5, 7] = GRAVITY * r[2, 1] * dt, -GRAVITY * r[2, 0] * dt
+    for i in range(3):
+        a[PX + i, PX + i] -= dt * p.drag_1_s[i]
     attitude_block(a, (rate[0] * dt / TWO, rate[1] * dt / TWO, rate[2] * dt / TWO))
     transform(a, s.covariance)
-    _move(s, acc, rate, v, dt, flying)
+    _move(p, s, acc, rate, v, dt, flying)
     q = turned(s.quaternion, (dt * rate[0], dt * rate[1], dt * rate[2]))
     if not flying:
         keep, back = ONE - p.reversion, p.reversion
@@ -113,17 +120,22 @@ def predict(p: Record, s: Record, acc: np.ndarray, rate: np.ndarray, now_ms: int
 
 
 @nb.njit(inline="always")
-def _move(s: Record, acc: np.ndarray, rate: np.ndarray, v: Triple, dt: Real, flying: bool) -> None:
-    """Position and velocity over one prediction; v (3,) is the old velocity. In flight thrust alone pushes."""
+def _move(p: Record, s: Record, acc: np.ndarray, rate: np.ndarray, v: Triple, dt: Real, flying: bool) -> None:
+    """Position and velocity over one prediction; v (3,) is the old velocity. In flight thrust and drag push."""
     x, r, dt2 = s.state, s.rotation, dt * dt
     ax, ay = (ZERO, ZERO) if flying else (acc[0], acc[1])
     dx, dy, dz = v[0] * dt + ax * dt2 / TWO, v[1] * dt + ay * dt2 / TWO, v[2] * dt + acc[2] * dt2 / TWO
     for i in range(3):
         fall = GRAVITY * dt2 / TWO if i == 2 else ZERO
         x[i] += r[i, 0] * dx + r[i, 1] * dy + r[i, 2] * dz - fall
-    x[PX] += dt * (ax + rate[2] * v[1] - rate[1] * v[2] - GRAVITY * r[2, 0])
-    x[PX + 1] += dt * (ay - rate[2] * v[0] + rate[0] * v[2] - GRAVITY * r[2, 1])
-    x[PX + 2] += dt * (acc[2] + rate[1] * v[0] - rate[0] * v[1] - GRAVITY * r[2, 2])
+    b, c = p.drag_1_s, p.pressure_m
+    bx, by, bz = (b[0], b[1], b[2]) if flying else (ZERO, ZERO, ZERO)
+    x[PX] += dt * (ax + rate[2] * v[1] - rate[1] * v[2] - GRAVITY * r[2, 0]
+                   - bx * v[0] + bx * (rate[1] * c[2] - rate[2] * c[1]))
+    x[PX + 1] += dt * (ay - rate[2] * v[0] + rate[0] * v[2] - GRAVITY * r[2, 1]
+                       - by * v[1] + by * (rate[2] * c[0] - rate[0] * c[2]))
+    x[PX + 2] += dt * (acc[2] + rate[1] * v[0] - rate[0] * v[1] - GRAVITY * r[2, 2]
+                       - bz * v[2] + bz * (rate[0] * c[1] - rate[1] * c[0]))
 
 
 @nb.njit()

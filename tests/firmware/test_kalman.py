@@ -27,12 +27,13 @@ def some_core(rng):
     return core
 
 
-def done(core, kind, values, t_ms=0, flying=1):
+def done(core, kind, values, t_ms=0, flying=1, parameters=None):
     calls = np.zeros(1, kalman.OPERATION)
     calls["kind"], calls["t_ms"], calls["flying"] = kind, t_ms, flying
     calls["value"][0, :len(values)] = values
     after = core.copy()
-    kalman.run_operations(calls, kalman.defaults(), after, np.zeros(1, kalman.CORE))
+    kalman.run_operations(calls, kalman.defaults() if parameters is None else parameters, after,
+                          np.zeros(1, kalman.CORE))
     return after
 
 
@@ -67,6 +68,54 @@ def test_prediction_and_its_covariance_against_finite_differences(seed):
     slope[6:, 6:] = expm(-skew(rate * dt / 2.0))
     wanted = slope @ core["covariance"][0].astype(float) @ slope.T
     assert np.abs(after["covariance"][0] - wanted).max() < 2e-3 * np.abs(wanted).max()
+
+
+def with_drag(drag_1_s, pressure_m=(0.0, 0.0, 0.0)):
+    found = kalman.defaults()
+    found["drag_1_s"], found["pressure_m"] = drag_1_s, pressure_m
+    return found
+
+
+def test_a_step_with_drag_by_hand():
+    """Level, 2, -1, 0.5 m/s, hovering, b = 0.5, 0.25, 1: dv = -0.01 b v; a yaw rate of 2 rad/s about a centre of
+    pressure 0.1 m ahead moves it at 0.2 m/s to the left, which the firmware adds: +0.01 * 0.25 * 0.2."""
+    core = np.zeros(1, kalman.CORE)
+    core["quaternion"][0, 0], core["rotation"][0] = 1.0, np.eye(3)
+    core["state"][0, 3:6] = 2.0, -1.0, 0.5
+    core["covariance"][0] = np.eye(9)
+    hover = [0.0, 0.0, 9.81, 0.0, 0.0, 0.0]
+    after = done(core, kalman.PREDICT, hover, t_ms=10, parameters=with_drag([0.5, 0.25, 1.0]))
+    assert after["state"][0, 3:6] == pytest.approx([1.99, -0.9975, 0.495], abs=1e-6)
+    assert after["state"][0, :3] == pytest.approx([0.02, -0.01, 0.005], abs=1e-6)
+    tilted = [9.81 * 0.01] * 2
+    assert np.diag(after["covariance"][0])[3:6] == pytest.approx(
+        [0.995**2 + tilted[0] ** 2, 0.9975**2 + tilted[1] ** 2, 0.99**2], abs=1e-5)
+    turning = [0.0, 0.0, 9.81, 0.0, 0.0, 2.0]
+    after = done(core, kalman.PREDICT, turning, t_ms=10, parameters=with_drag([0.5, 0.25, 1.0], [0.1, 0.0, 0.0]))
+    assert after["state"][0, 3:6] == pytest.approx([1.99 - 0.02, -0.9975 - 0.04 + 0.0005, 0.495], abs=1e-6)
+
+
+@pytest.mark.parametrize("flying", [0, 1])
+def test_drag_acts_digit_by_digit_in_flight_alone(flying):
+    """In single precision, in the firmware's order of operations; on the ground the covariance alone has it."""
+    rng = np.random.default_rng(3)
+    core, f = some_core(rng), np.float32
+    told = rng.normal(0.0, 1.0, 6).astype(f)
+    b, c = rng.uniform(0.1, 4.0, 3).astype(f), rng.normal(0.0, 0.05, 3).astype(f)
+    after = done(core, kalman.PREDICT, told, t_ms=10, flying=flying, parameters=with_drag(b, c))
+    plain = done(core, kalman.PREDICT, told, t_ms=10, flying=flying)
+    assert np.array_equal(after["state"][0, :3], plain["state"][0, :3])
+    if not flying:
+        assert np.array_equal(after["state"], plain["state"])
+        assert not np.array_equal(after["covariance"], plain["covariance"])
+        return
+    v, g, r, dt, (wx, wy, wz) = core["state"][0, 3:6], f(9.81), core["rotation"][0], f(10) / f(1000), told[3:]
+    wanted = np.array([
+        v[0] + dt * (wz * v[1] - wy * v[2] - g * r[2, 0] - b[0] * v[0] + b[0] * (wy * c[2] - wz * c[1])),
+        v[1] + dt * (-wz * v[0] + wx * v[2] - g * r[2, 1] - b[1] * v[1] + b[1] * (wz * c[0] - wx * c[2])),
+        v[2] + dt * (told[2] + wy * v[0] - wx * v[1] - g * r[2, 2] - b[2] * v[2] + b[2] * (wx * c[1] - wy * c[0]))])
+    assert wanted.dtype == f
+    assert np.array_equal(after["state"][0, 3:6], wanted)
 
 
 @pytest.mark.parametrize("seed", range(5))
