@@ -1,8 +1,8 @@
 """The Kalman filter's core (kalman_core.c, mm_position.c, mm_pose.c, kalman_core_params_defaults.h of 2025.12.1).
 
 State: position [m, world], velocity [m/s, **body**], attitude error [rad, body]. In addition a quaternion w, x, y, z
-(body to world) and its rotation matrix, which changes only in ``finalize``. No biases and no wind: in flight the horizontal
-specific force is not used. Products with a zero of a sparse matrix are left out; they change no digit.
+(body to world) and its rotation matrix, which changes only in ``finalize``. No biases and no wind: in flight the
+horizontal specific force is not used. Products with a zero of a sparse matrix are left out; they change no digit.
 
 Drag is that of 2026.04 (pull request 1584): -b v + b (w x r) per body axis, b = ``drag_1_s`` (``kalman.dragB_x`` ...)
 and r = ``pressure_m`` (``kalman.cop_x`` ...). The firmware documents b in N s/m but multiplies velocities by it without
