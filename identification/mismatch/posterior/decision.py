@@ -253,7 +253,8 @@ def _class_of(weighing: Weighing, chosen: tuple[int, ...], which: int) -> dict[s
     found = {effects[which].term: 0.0} | dict.fromkeys(TWINS.get(effects[which].term, ()), 0.0)
     for other, _, lost in _exchanges(weighing, chosen, which):
         term = effects[other].term
-        found[term] = min(lost, found.get(term, np.inf))
+        for alike in (term, *TWINS.get(term, ())):
+            found[alike] = min(lost, found.get(alike, np.inf))
     return found
 
 

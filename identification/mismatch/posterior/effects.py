@@ -50,6 +50,8 @@ class Effect:
 
 
 Pair = tuple[np.ndarray, np.ndarray]
+AMPLIFIES = frozenset(("inertia", "yaw_torque", *LEVEL, *MAPS))
+"""Terms that multiply the moment of the motors."""
 
 
 def _less(a: Pair, b: Pair, by: float = 1.0) -> Pair:
@@ -103,7 +105,22 @@ def effects_of(wrench: Wrench, space: Space, simulator: Model) -> list[Effect]:
     other = space_of_other_map(simulator, wrench.battery_V, space.unasked)
     if other is not None:
         found.append(_other_map(wrench, model, other.model, here))
+    found = [replace(e, torque=balanced(wrench, e.term, e.torque)) for e in found]
     return [e for e in (_seen(effect) for effect in found) if e is not None]
+
+
+def balanced(wrench: Wrench, term: str, torque: np.ndarray) -> np.ndarray:
+    """(M, ...) rad/s^2 of a term, without the constant of each flight if the term multiplies the moment.
+
+    The true moment has a mean near zero, or the vehicle would spin up. A simulator with a wrong trim has another mean,
+    and a term that multiplies it could only hide that.
+    """
+    if term not in AMPLIFIES or not len(torque):
+        return torque
+    flight, found = wrench.flight[wrench.torque_at], torque.copy()
+    for one in np.unique(flight):
+        found[flight == one] -= torque[flight == one].mean(0)
+    return found
 
 
 def _bounds(model: Model) -> tuple[np.ndarray, np.ndarray]:

@@ -276,11 +276,15 @@ def _turnings(wrench: Wrench, residual: np.ndarray, columns: np.ndarray,
             continue
         z = z / np.maximum(np.sqrt(np.mean(z**2, axis=0)), 1e-9)
         groups = [_Group.of(part, flight, fine, z) for part in ([flown] if together else flown[:, None])]
-        weight, left = np.ones(len(x)), x[:, -1]
+        weight, left = np.ones(len(x)), x[:, -1].copy()
+        for g in groups:
+            left[g.mine] -= g.z @ np.linalg.lstsq(g.z, left[g.mine], rcond=None)[0]
         for _ in range(ROUNDS):
             asked = [g.turning(axis, together, weight, left) for g in groups]
             whole = np.concatenate([t.asked(t.of(both), np.ones(len(numbers), bool)) for t in asked])
             left = x[:, -1] - x[:, :-1] @ _most_probable(whole, prior)
+            for f in flown:
+                left[flight == f] -= np.average(left[flight == f], weights=weight[flight == f])
             spread = 1.4826 * float(np.median(np.abs(left))) or 1.0
             weight = (FREEDOM + 1.0) / (FREEDOM + (left / spread) ** 2)
         excess[axis] = max(1.0, _left_over(whole, prior))

@@ -55,6 +55,8 @@ FAMILIES: tuple[frozenset[str], ...] = tuple(frozenset(f) for f in (
     ("motor_lag", "command_delay"), ("thrust_scale", "thrust_voltage", "thrust_pwm", "mass"),
     ("saturation", "thrust_pwm", "thrust_voltage")))
 """One of each may be in a set: two of them trade against each other."""
+COVERS = {"com_offset": 2}
+"""Number of terms that a term's columns stand for: its own, and unequal motors in roll and pitch."""
 TWINS = ("mass", "thrust_scale")
 """Terms of thrust per mass, which is a little wrong in the place of both."""
 SHARED = {"frame_tilt": "tilt", "wind": "tilt", "force_world": "tilt", "thrust_scale": "lift", "mass": "lift",
@@ -311,8 +313,9 @@ class Evidence:
 
     def log_prior(self, chosen: Sequence[int]) -> float:
         """Log prior of a set minus that of the empty set: readings of one term share its probability."""
-        readings = [sum(e.term == self.effects[i].term for e in self.effects) for i in chosen]
-        return sum(float(np.log(PRIOR / (1.0 - PRIOR) / n)) for n in readings)
+        terms = [self.effects[i].term for i in chosen]
+        each = [COVERS.get(t, 1) / sum(e.term == t for e in self.effects) for t in terms]
+        return sum(float(np.log(PRIOR / (1.0 - PRIOR) * share)) for share in each)
 
     def give_up(self, terms: set[str]) -> None:
         """Give up terms that explain nothing although the residual has a part along them: in every set, their error is

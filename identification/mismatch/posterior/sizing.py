@@ -13,6 +13,7 @@ from nanobench_tools.physics import Model
 from ..space import with_other_map
 from .background import LIFT_OF_ALL
 from .build import Case
+from .effects import balanced
 from .rows import Products, Seen
 from .set_evidence import TWINS
 
@@ -144,7 +145,7 @@ def _slopes(case: Case, chosen: tuple[int, ...], step: np.ndarray, unit: np.ndar
                 by = _small(effect.lower[k], effect.upper[k], step[at])
                 there = wrench.model(moved_by(case, chosen, step + by * (np.arange(len(step)) == at)))
                 pair = (there[0] - here[0]) / by, (there[1] - here[1]) / by
-            columns.append(pair)
+            columns.append((pair[0], balanced(wrench, effect.term, pair[1])))
             at += 1
     return case.rows.of(np.stack([*(c[0] / u for c, u in zip(columns, unit, strict=True)), force], -1),
                         np.stack([*(c[1] / u for c, u in zip(columns, unit, strict=True)), torque], -1))

@@ -2,12 +2,12 @@
 
 Predictions take longer than evidence. So every term is predicted alone, at its most probable reading, and then the sets
 that would be the most probable if the gains of their effects added up. Two effects often improve the same prediction.
-So a set that was not predicted has the gain of its best part that was, and no more.
+So a set that was not predicted has the gain of its best part that was and the loss of its worst.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from itertools import combinations
 
@@ -51,13 +51,23 @@ class Weighing:
         """Log probability, but for a constant."""
         told = self.told.get(chosen)
         if told is None:
-            told = max((self.told.get(part, 0.0) for many in range(1, len(chosen))
-                        for part in combinations(chosen, many)), default=0.0)
+            parts = [self.told.get(part, 0.0) for part in self._parts(chosen)]
+            told = max(0.0, *parts) + min(0.0, *parts)
         return self.case.evidence.score(chosen) + told
 
     def _at_best(self, chosen: Chosen) -> float:
-        """``score`` if the gains of all effects added up."""
-        return self.case.evidence.score(chosen) + sum(max(self.told.get((i,), 0.0), 0.0) for i in chosen)
+        """``score`` if the gains of all effects added up; a part of several that was predicted counts as it was."""
+        parts = [part for part in self._parts(chosen) if len(part) > 1]
+        bound = [self.told[part] + self._gains(set(chosen) - set(part)) for part in parts]
+        return self.case.evidence.score(chosen) + min([self._gains(chosen), *bound])
+
+    def _gains(self, effects: Iterable[int]) -> float:
+        return sum(max(self.told.get((i,), 0.0), 0.0) for i in effects)
+
+    def _parts(self, chosen: Chosen) -> list[Chosen]:
+        """Parts of a set that were predicted, with no effect."""
+        return [(), *(part for many in range(1, len(chosen)) for part in combinations(chosen, many)
+                      if part in self.told)]
 
     def weigh(self) -> dict[Chosen, float]:
         """Probability of every set."""

@@ -19,7 +19,7 @@ from identification.mismatch.posterior.background import FIXED, LIFT_OF_ALL, Bac
 from identification.mismatch.posterior.build import _seen
 from identification.mismatch.posterior.effects import Effect, effects_of, within_reach
 from identification.mismatch.posterior.gain_error import gain_error
-from identification.mismatch.posterior.rows import Rows, Seen, _Group, _ridge, instruments
+from identification.mismatch.posterior.rows import Rows, Seen, _Group, _ridge, instruments, rows_of
 from identification.mismatch.posterior.set_evidence import Evidence
 from identification.mismatch.posterior.thrust_exponent import Curve
 from identification.mismatch.space import space_around
@@ -135,6 +135,38 @@ def test_two_effects_that_improve_the_same_prediction_are_not_both_identified(mo
     found = weighing.Weighing(case, lambda one, other: 10.0).weigh()
     assert max(found, key=found.get) == (0,)
     assert found[0, 1] == pytest.approx(found[0,] * np.exp(-3.0))
+
+
+def test_an_effect_that_predicts_worse_spoils_every_set_with_it(monkeypatch):
+    """The evidence favours the second effect by 8 nats, predictions are 30 against it and 2 for the first. A set of
+    both that was not predicted has both."""
+    monkeypatch.setattr(weighing, "PREDICTED", 0)
+    sets = {(): 0.0, (0,): -3.0, (1,): 8.0, (0, 1): 9.0}
+    case = SimpleNamespace(evidence=SimpleNamespace(sets=sets, score=sets.__getitem__),
+                           effects=[SimpleNamespace(term=t) for t in ("command_delay", "force_world")])
+    monkeypatch.setattr(weighing.Weighing, "sizes", lambda self, chosen: chosen)
+    weighed = weighing.Weighing(case, lambda one, other: {(0,): 2.0, (1,): -30.0}[one])
+    found = weighed.weigh()
+    assert max(found, key=found.get) == ()
+    assert weighed.score((0, 1)) == pytest.approx(9.0 + 2.0 - 30.0)
+
+
+def test_a_wrong_trim_is_no_noise_and_no_gain():
+    """A constant moment of 40 rad/s^2 in every flight. The noise of the instruments stays the same, and no term that
+    multiplies the moment of the motors has a constant part with which it could hide that."""
+    wrench = wrench_of(MODEL, flights=2, seconds=8.0)
+    force, torque = wrench.residual(MODEL)
+    trim = np.zeros((len(torque), 3, 1))
+    trim[:, 0] = 1.0
+    nothing = np.zeros((len(force), 3, 1))
+    quiet, wrong = (rows_of(wrench, (force, torque + constant * trim[..., 0]), nothing, trim, np.full(1, 50.0))
+                    for constant in (0.0, 40.0))
+    for one, other in zip(quiet.turnings, wrong.turnings, strict=True):
+        assert np.diag(other.spread.sum(0)) == pytest.approx(np.diag(one.spread.sum(0)), rel=0.3)
+    lopsided = Model(MODEL.vehicle, {**MODEL.as_dict(), "motor_imbalance": {"g": (0.9, 1.0, 1.1, 1.0)}})
+    space = within_reach(wrench, space_around(lopsided))
+    means = {e.term: np.abs(e.torque.mean(0)).max() for e in effects_of(wrench, space, lopsided)}
+    assert means["inertia"] < 1e-6 < means["com_offset"]
 
 
 def test_a_column_that_instruments_hardly_see_may_be_wronger():
