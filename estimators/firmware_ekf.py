@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from nanobench_tools import so3
@@ -36,8 +38,9 @@ class FirmwareEkf:
     - the motors, for the flag "flying" (without them it flies from the start).
 
     The logged estimate is not used. It starts at position and yaw of the first pose, level and at rest as the firmware
-    does (``parameters`` (1,) PARAMETERS: from their own start; ``pose_sd``: m and rad, the SD assumed for a pose), and
-    restarts there beyond 10 m/s or 100 m. No drag and no biases, as on board. The estimate at a row is the task's
+    does. Beyond 10 m/s or 100 m it restarts there. ``parameters`` (1,) PARAMETERS: from their own start. ``changes``:
+    fields of them that differ from the defaults, such as ``drag_1_s``. ``pose_sd``: m and rad, the SD assumed for a
+    pose. No biases, and no drag unless it is given, as on board. The estimate at a row is the task's
     output up to then, and moves at its 100 Hz. Rows of the IMU are placed on the nearest ms, poses and motors on the
     next one, counted between rows.
     """
@@ -46,8 +49,9 @@ class FirmwareEkf:
     causal = True
 
     def __init__(self, parameters: np.ndarray | None = None, held: bool = False,
-                 pose_sd: tuple[float, float] = (POSITION_SD_M, ATTITUDE_SD_RAD)) -> None:
-        self.parameters, self.held, self.pose_sd = parameters, held, pose_sd
+                 pose_sd: tuple[float, float] = (POSITION_SD_M, ATTITUDE_SD_RAD),
+                 changes: Mapping[str, float | Sequence[float]] | None = None) -> None:
+        self.parameters, self.held, self.pose_sd, self.changes = parameters, held, pose_sd, dict(changes or {})
 
     def estimate(self, flight: Flight) -> Estimate:
         """At the rows of the IMU from the first pose on. InputError without a pose, or without IMU after it."""
@@ -75,10 +79,11 @@ class FirmwareEkf:
         return Estimate(time_s, out["state"][:, :3].astype(float), q / np.linalg.norm(q, axis=1, keepdims=True),
                         velocity)
 
-    @staticmethod
-    def _start(pose: np.ndarray) -> np.ndarray:
+    def _start(self, pose: np.ndarray) -> np.ndarray:
         found = defaults()
         found["initial_m"], found["initial_yaw_rad"] = pose[:3], so3.euler_zyx(pose[None, 3:])[0, 2]
+        for name, value in self.changes.items():
+            found[name] = value
         return found
 
 

@@ -31,6 +31,7 @@ _PLACES = {
     "api.sampled": ("sample",),
     "api.thrusts": ("Thrust", "thrust"),
     "api.identified_motors": ("Motors", "motors"),
+    "api.onboard_tuned": ("OnboardParameters", "tune_onboard"),
     "api.tuned": ("Tuning", "tune"),
     "api.proved": ("BlindProof", "prove"),
     "api.reported": ("report",),

@@ -15,6 +15,8 @@ from .api.identified_motors import motors as motors
 from .api.loading import Flights as Flights
 from .api.loading import load as load
 from .api.loading import load_flight as load_flight
+from .api.onboard_tuned import OnboardParameters as OnboardParameters
+from .api.onboard_tuned import tune_onboard as tune_onboard
 from .api.practised import simulate as simulate
 from .api.proved import BlindProof as BlindProof
 from .api.proved import prove as prove

@@ -19,7 +19,7 @@ from ..steps.options import Options
 from ..steps.result_bodies import EstimateBody
 from ..steps.sentences import estimated
 from ..time_offsets.moving.votes import AS_RECORDED
-from .closing import close_scores
+from .closing import again, close, close_scores
 from .shared_options import PATH, FiniteRange, shared_options
 
 WITHOUT_LOG = ("aided", "blackout")
@@ -49,9 +49,12 @@ WITHOUT_LOG = ("aided", "blackout")
 @click.option("--attribution", "explained", is_flag=True,
               help="Also attribute the error of the onboard filter. Scores its logged estimate by clock, and the "
                    "filter run again with one thing changed at a time.")
+@click.option("--tune-onboard", "tuned", is_flag=True,
+              help="Find drag and noise parameters of the onboard filter and score them on held-out flights, instead "
+                   "of methods. Writes onboard_parameters.toml to --out. --pose-delay is then the delay on board.")
 def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, ...], only: bool,
              folders: tuple[Path, ...], rates: tuple[float, ...], delays: tuple[float, ...], noises: tuple[float, ...],
-             losses: tuple[float, ...], noise_file: Path | None, explained: bool) -> int:
+             losses: tuple[float, ...], noise_file: Path | None, explained: bool, tuned: bool) -> int:
     """Task 3: where was it? Scores of state estimators against motion capture.
 
     Protocols: as-published is the published table with its faults; as-published-corrected corrects them on the same
@@ -65,6 +68,10 @@ def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, .
 
     for name in protocols:
         check_protocol(name)
+    if tuned:
+        if protocols or methods or folders or explained or rates or noises or losses or len(delays) > 1:
+            raise UsageError("--tune-onboard goes with --pose-delay S alone: it runs no method but the onboard filter")
+        return tune_filter(options, delays[0] if delays else None)
     if (rates or delays or noises or losses) and AIDED not in protocols:
         raise UsageError("--pose-rate, --pose-delay, --pose-noise and --pose-loss go with --protocol aided")
     if only and not methods:
@@ -100,6 +107,24 @@ def estimate(options: Options, protocols: tuple[str, ...], methods: tuple[str, .
         body = replace(body, attribution=attribution(options, flights, audits))
     close_estimates(options, body, {method.name for method in further})
     return options.finish("estimate", body)
+
+
+def tune_filter(options: Options, delay_s: float | None) -> int:
+    """``--tune-onboard``: tune_onboard.json and onboard_parameters.toml in ``--out``."""
+    from ..pages.task3_tables import onboard_parameters, onboard_tuning
+    from ..results.result_files import write_bytes
+    from ..steps.onboard_parameters import parameters_toml, tune_onboard_flights, tuning_sentence
+
+    found = tune_onboard_flights(options, options.load(), delay_s)
+    content = to_json(found)
+    sentence, tables = tuning_sentence(found), [onboard_parameters(content), *onboard_tuning(content)]
+    if options.out is None:
+        close(options, sentence, "keep the parameters", *again("--out", "tuned"), screen=tables)
+    else:
+        path = options.out / "onboard_parameters.toml"
+        write_bytes(path, parameters_toml(found).encode())
+        close(options, f"{sentence}; parameters: {path}", screen=tables)
+    return options.finish("tune_onboard", found)
 
 
 def nothing_logged(flights: Sequence[Flight]) -> bool:

@@ -4,9 +4,10 @@ State: position [m, world], velocity [m/s, **body**], attitude error [rad, body]
 (body to world) and its rotation matrix, which changes only in ``finalize``. No biases and no wind: in flight the
 horizontal specific force is not used. Products with a zero of a sparse matrix are left out; they change no digit.
 
-Drag is that of 2026.04 (pull request 1584): -b v + b (w x r) per body axis, b = ``drag_1_s`` (``kalman.dragB_x`` ...)
-and r = ``pressure_m`` (``kalman.cop_x`` ...). The firmware documents b in N s/m but multiplies velocities by it without
-a mass, so that its unit is 1/s. With b = 0, the default, the filter is that of 2025.12.1 to the last digit.
+Drag is that of 2026.04 (pull request 1584): -b v + b (w x r) per body axis. Here b is ``drag_1_s``
+(``kalman.dragB_x`` ...) and r is ``pressure_m`` (``kalman.cop_x`` ...). The firmware documents b in N s/m but
+multiplies velocities by it without a mass. Its unit is therefore 1/s. With b = 0, the default, the filter is that of
+2025.12.1 to the last digit.
 """
 
 from __future__ import annotations

@@ -161,6 +161,37 @@ def task3_attribution(attribution: Mapping[str, Any]) -> list[Table]:
     return found
 
 
+def onboard_parameters(tuning: Mapping[str, Any]) -> Table:
+    """Parameters of the onboard filter to set."""
+    low, high = zip(*tuning["drag"]["ci95"], strict=True)
+    within = {f"kalman.dragB_{axis}": f"{a:.3f} .. {b:.3f}" for axis, a, b in zip("xy", low, high, strict=True)}
+    rows = [(name, f"{value:g}", within.get(name, "")) for name, value in tuning["parameters"].items()
+            if not name.startswith("kalman.cop") or value]
+    flown = tuning["flown"]
+    how = (f"In flight, poses were {1e3 * flown['delay_s']:.0f} ms late, with SDs of "
+           f"{1e3 * flown['position_sd_m']:.0f} mm and {flown['attitude_sd_rad']:g} rad. With these, the replay is "
+           f"{1e3 * flown['apart_m']:.0f} mm from the logged estimate (median of {flown['n']} flights)."
+           if flown["n"] else "No estimate is logged: delay and settings in flight are assumed.")
+    return Table.plain("Onboard filter, parameters to set", ("parameter", "value", "95 % interval"), rows, how)
+
+
+def onboard_tuning(tuning: Mapping[str, Any]) -> list[Table]:
+    """Errors of the onboard filter before and after, on held-out flights, a table per clock."""
+    heads = {"ate_m": ("ATE", "mm", 1e3, 1), "velocity_m_s": ("velocity", "mm/s", 1e3, 0),
+             "attitude_deg": ("attitude", "deg", 1.0, 2), "end_1s_m": ("1 s", "mm", 1e3, 0),
+             "end_5s_m": ("5 s", "mm", 1e3, 0)}
+    columns = (Column("what", ""), *(Column(key, name, "score", unit, factor, digits)
+                                     for key, (name, unit, factor, digits) in heads.items()))
+    found = []
+    for clock in dict.fromkeys(row["clock"] for row in tuning["rows"]):
+        mine = [row for row in tuning["rows"] if row["clock"] == clock]
+        lines = tuple((row["what"], *(Score.of(row["metrics"].get(key)) for key in heads)) for row in mine)
+        title = (f"Onboard filter on held-out flights, clock {clock}, n = {max(row['n'] for row in mine)}; "
+                 "1 s, 5 s: without poses")
+        found.append(Table(f"onboard_{clock}", title, columns, lines, interval_note(mine, list(heads))))
+    return found
+
+
 def logged_method(rows: Sequence[Mapping[str, Any]]) -> str | None:
     """The method the published table is about, else the first that was scored on a moved clock."""
     found = [row for row in rows if row.get("protocol") == PUBLISHED]

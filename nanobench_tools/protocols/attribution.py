@@ -120,7 +120,7 @@ REPLAYS: dict[str, Callable[[Filters, Case, Case], Estimate]] = {
 }
 
 
-class _Made:
+class Made:
     """An estimate that is there already, to be scored as all are."""
 
     name, causal = "made", True
@@ -133,7 +133,7 @@ class _Made:
 
 
 def _scores(case: Case, estimate: Estimate) -> dict[str, float]:
-    found = score_given(case, _Made(estimate), "clean", case.flight, -np.inf).metrics
+    found = score_given(case, Made(estimate), "clean", case.flight, -np.inf).metrics
     return {name: float("nan") if (value := found[metric]) is None else value for name, metric in SCORES.items()}
 
 

@@ -26,7 +26,7 @@ PACKAGES = ("nanobench_tools", "estimators", "controllers", "identification")
 
 FUNCTIONS = {
     "Recordings": ("sample", "load", "load_flight", "simulate", "audit", "report"),
-    "Where was it": ("estimate", "compare"),
+    "Where was it": ("estimate", "tune_onboard", "compare"),
     "What physics does it obey": ("fit", "thrust", "motors"),
     "How would another controller fly it": ("control", "tune"),
     "Where is my simulator wrong": ("diagnose", "prove"),
