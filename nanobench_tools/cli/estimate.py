@@ -10,7 +10,7 @@ import click
 
 from ..errors import UsageError
 from ..flight import Flight
-from ..pages.task3_tables import task3, task3_attribution, task3_screen, task3_windows
+from ..pages.task3_tables import task3, task3_attribution, task3_consistency, task3_screen, task3_windows
 from ..results.result import to_json
 from ..steps.estimate_pictures import attribution
 from ..steps.estimating import estimate_body, ranked_by_clock, see, trajectory_files
@@ -143,4 +143,5 @@ def close_estimates(options: Options, body: EstimateBody, first: Collection[str]
     parts = task3_attribution(content["attribution"]) if body.attribution is not None else []
     close_scores(options, estimated(body.rows, body.rankings or ()), "estimator",
                  [*parts, *task3_screen(screen, options.synthetic)],
-                 [*parts, *task3(content, options.synthetic), task3_windows(content)], bool(first))
+                 [*parts, *task3(content, options.synthetic), task3_windows(content), task3_consistency(content)],
+                 bool(first))

@@ -129,6 +129,14 @@ def _screen_of(rows: list[Mapping[str, Any]], names: Sequence[str], synthetic: b
                  columns, tuple(lines), " ".join(filter(None, (short_note(rows), derived)))).without_empty_columns()
 
 
+IN_BAND, INSIDE = "nees_in_band_{:.0f}s", "inside_3_sigma_{:.0f}s_percent"
+
+
+def _mean_of(row: Mapping[str, Any], metric: str) -> float | None:
+    found = (row["metrics"].get(metric) or {}).get("mean")
+    return None if found is None else float(found)
+
+
 def task3_windows(estimate: Mapping[str, Any]) -> Table:
     """Blackouts over the windows of all flights: median and p90, in space, horizontal and vertical."""
     from ..protocols.blackout import HORIZONS_S, KINDS
@@ -144,6 +152,26 @@ def task3_windows(estimate: Mapping[str, Any]) -> Table:
                        ("group", "method", "clock", "error", *(f"{h:.0f} s" for h in HORIZONS_S)), lines,
                        "Windows of one flight, and flights of one session, are alike: their number says little of how "
                        "sure a median is.")
+
+
+def task3_consistency(estimate: Mapping[str, Any]) -> Table:
+    """Blackouts: whether stated covariances are as large as the errors, by time since the last pose."""
+    from ..protocols.blackout import CONSISTENT_S
+
+    lines: list[tuple[Cell, ...]] = []
+    for row in estimate["rows"]:
+        if row["group"] != "all" or _mean_of(row, "nees_1s") is None:
+            continue
+        for name, key, factor, digits in (("NEES (3)", "nees_{:.0f}s", 1.0, 1),
+                                          ("flights in band %", IN_BAND, 100.0, 0),
+                                          ("inside 3 SD %", INSIDE, 1.0, 0)):
+            means = [_mean_of(row, key.format(h)) for h in CONSISTENT_S]
+            lines.append((row["method"], clock_of(row), name, *(
+                "-" if mean is None else f"{factor * mean:.{digits}f}" for mean in means)))
+    return Table.plain("Blackout, stated covariance against the error, by time since the last pose",
+                       ("method", "clock", "", *(f"{h:.0f} s" for h in CONSISTENT_S)), lines,
+                       "Errors of one flight have a common cause, such as the bias of its accelerometer. A consistent "
+                       "estimator is therefore in the band on fewer than 95 % of flights.")
 
 
 def task3_attribution(attribution: Mapping[str, Any]) -> list[Table]:

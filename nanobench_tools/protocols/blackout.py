@@ -7,7 +7,7 @@ the poses up to t0, all other streams are whole.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,11 +18,14 @@ from ..flight import Flight, make_stream
 from ..methods import Estimate, Estimator
 from .result_rows import BlackoutScore, EndError, EstimateRow, Spread
 from .score_tables import group_order, summaries
+from .scoring3 import in_band
 from .sessions import Drawn, Sessions
 from .task3 import BLACKOUT, Case, checked, given_and_trained, inputs_of
 
 FIRST_S, EVERY_S = 5.0, 5.0
 HORIZONS_S = (1.0, 5.0, 10.0, 20.0)
+CONSISTENT_S = (0.0, *HORIZONS_S)
+"""After the last pose; an error is compared with the stated covariance at these."""
 GIVEN = "motion capture poses until t0, none afterwards; all other streams"
 INPUTS = "poses until t0"
 KINDS = {"": "error_m", "horizontal_": "horizontal_m", "vertical_": "vertical_m"}
@@ -55,17 +58,21 @@ def given_until(flight: Flight, t0_s: float) -> Flight:
 
 
 def score(case: Case, method: Estimator) -> BlackoutScore:
-    """Metrics: end_error_Hs_m and the same with horizontal_ and vertical_, drift_percent_Hs, inside_3_sigma_Hs_percent.
+    """Metrics: end_error_Hs_m and the same with horizontal_ and vertical_, drift_percent_Hs.
+
+    Where a covariance is stated also nees_Hs, nees_in_band_Hs and inside_3_sigma_Hs_percent, from 0 s on
+    (``consistency_after``).
 
     Raises InputError when the estimator gives no trajectory or does not reach the end of a window.
     """
     windows: list[EndError] = []
+    squared: dict[float, list[float]] = {h: [] for h in CONSISTENT_S}
     mocap = case.flight["mocap"]
     finite = np.isfinite(mocap[POSE]).all(axis=1)
     truth_s, truth_m = mocap.time_s[finite], mocap["px", "py", "pz"][finite]
     for t0 in starts(case):
         estimate = checked(method.estimate(given_until(case.flight, t0)), method.name, case.flight.provenance.path)
-        for h in HORIZONS_S:
+        for h in CONSISTENT_S:
             if not _whole(case, t0, h):
                 continue
             end = t0 + h
@@ -74,12 +81,16 @@ def score(case: Case, method: Estimator) -> BlackoutScore:
             found = np.array([np.interp(end, estimate.time_s, estimate.position_m[:, k]) for k in range(3)])
             true = np.array([np.interp(end, truth_s, truth_m[:, k]) for k in range(3)])
             off = found - true
+            nees = _normalised(estimate, end, off)
+            squared[h] += [] if nees is None else [nees]
+            if h not in HORIZONS_S:
+                continue
             flown = truth_m[(truth_s >= t0) & (truth_s <= end)]
             path_m = float(np.linalg.norm(np.diff(flown, axis=0), axis=1).sum())
             error_m = float(np.linalg.norm(off))
             windows.append(EndError(t0, h, found.tolist(), error_m, float(np.hypot(off[0], off[1])), float(abs(off[2])),
                                     100.0 * error_m / path_m if path_m > LEAST_PATH_M else float("nan"),
-                                    _inside(estimate, end, off)))
+                                    None if nees is None else nees <= INSIDE_3_SIGMA, nees))
     metrics: dict[str, float] = {}
     for h in HORIZONS_S:
         mine = [w for w in windows if w.h_s == h]
@@ -87,14 +98,30 @@ def score(case: Case, method: Estimator) -> BlackoutScore:
             value = float(np.mean([getattr(w, key) for w in mine])) if mine else float("nan")
             metrics[f"end_error_{kind}{h:.0f}s_m"] = value
         metrics[f"drift_percent_{h:.0f}s"] = _mean([w.drift_percent for w in mine])
-        metrics[f"inside_3_sigma_{h:.0f}s_percent"] = _mean([
-            100.0 * w.inside_3_sigma for w in mine if w.inside_3_sigma is not None])
-    return BlackoutScore(windows, metrics)
+    return BlackoutScore(windows, metrics | consistency_after(squared))
 
 
-def _inside(estimate: Estimate, end_s: float, off_m: np.ndarray) -> bool | None:
-    """Whether an error (3,) m lies within three standard deviations of what the estimate says at its nearest
-    timestamp."""
+def consistency_after(squared: Mapping[float, Sequence[float]]) -> dict[str, float]:
+    """From {seconds after the last pose: NEES of the windows of one flight}.
+
+    - ``nees_Hs``: their mean, 3 if consistent.
+    - ``nees_in_band_Hs``: 1 if the mean lies in the 95 % band of chi-square, else 0. Windows that overlap count as many
+      as fit side by side.
+    - ``inside_3_sigma_Hs_percent``: share of the windows.
+    """
+    found: dict[str, float] = {}
+    for h, values in squared.items():
+        key = f"{h:.0f}s"
+        independent = max(len(values) * EVERY_S / max(h, EVERY_S), 1.0)
+        mean = _mean(values)
+        found[f"nees_{key}"] = mean
+        found[f"nees_in_band_{key}"] = in_band(mean, 3.0, independent) if values else float("nan")
+        found[f"inside_3_sigma_{key}_percent"] = _mean([100.0 * (value <= INSIDE_3_SIGMA) for value in values])
+    return found
+
+
+def _normalised(estimate: Estimate, end_s: float, off_m: np.ndarray) -> float | None:
+    """Squared error (3,) m over the covariance that the estimate states at its nearest timestamp."""
     if estimate.covariance is None:
         return None
     stated = np.asarray(estimate.covariance, float)[int(np.argmin(np.abs(estimate.time_s - end_s))), :3, :3]
@@ -104,7 +131,7 @@ def _inside(estimate: Estimate, end_s: float, off_m: np.ndarray) -> bool | None:
         white = np.linalg.solve(np.linalg.cholesky(stated), off_m)
     except np.linalg.LinAlgError:
         return None
-    return bool(white @ white <= INSIDE_3_SIGMA)
+    return float(white @ white)
 
 
 def _mean(values: Sequence[float]) -> float:

@@ -31,8 +31,8 @@ class Scored(Result):
 @dataclass(frozen=True, repr=False)
 class EndError(Result):
     """h_s after the last pose at t0_s: the position end_m (3,) said, its error, and drift in per cent of the path flown
-    since; ``inside_3_sigma``: whether the error is as large as the estimate says it may be, None where it does not
-    say."""
+    since. ``nees``: squared error over the stated covariance, 3 on average. ``inside_3_sigma``: whether that is as
+    small as for 99.73 % of Gaussian errors. Both None where no covariance is stated."""
 
     t0_s: float
     h_s: float
@@ -42,6 +42,7 @@ class EndError(Result):
     vertical_m: float
     drift_percent: float
     inside_3_sigma: bool | None
+    nees: float | None = field(default=None, metadata=OPTIONAL)
 
 
 @dataclass(frozen=True, repr=False)

@@ -92,15 +92,15 @@ def consistency_metrics(estimate: Estimate, rows: np.ndarray, truth_m: np.ndarra
         except np.linalg.LinAlgError:
             return dict.fromkeys(("nees", "nees_samples", "nees_in_band"), NAN)
         mean, samples = float(np.mean(np.sum(white * white, axis=1))), consistency.independent_samples(white)
-        found |= {"nees": mean, "nees_samples": samples, "nees_in_band": _in_band(mean, 3.0, samples)}
+        found |= {"nees": mean, "nees_samples": samples, "nees_in_band": in_band(mean, 3.0, samples)}
     if estimate.nis is not None and estimate.nis_dof is not None and len(estimate.nis):
         dof = float(np.sum(estimate.nis_dof))
         mean = float(np.sum(estimate.nis)) / dof
-        found |= {"nis": mean, "nis_in_band": _in_band(mean, 1.0, dof)}
+        found |= {"nis": mean, "nis_in_band": in_band(mean, 1.0, dof)}
     return found
 
 
-def _in_band(mean: float, dimension: float, samples: float) -> float:
+def in_band(mean: float, dimension: float, samples: float) -> float:
     """1 if the mean of ``samples`` values of ``dimension`` each lies in its band, else 0."""
     low, high = chi2.ppf([0.5 * (1.0 - PROBABILITY), 0.5 * (1.0 + PROBABILITY)], samples * dimension) / samples
     return float(low <= mean <= high)

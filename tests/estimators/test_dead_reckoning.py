@@ -158,8 +158,12 @@ def test_hand_worked_consistency(flight, case, sd_m, inside):
             return Estimate(mocap.time_s, mocap["px", "py", "pz"] + [3.0, 4.0, 0.0], mocap["qx", "qy", "qz", "qw"],
                             covariance=said)
 
-    windows = blackout.score(case, Off()).windows
+    scored = blackout.score(case, Off())
+    windows = scored.windows
     assert {w.inside_3_sigma for w in windows} == {inside}
+    assert [w.nees for w in windows] == pytest.approx([25.0 / sd_m**2] * len(windows))
+    assert scored.metrics["nees_0s"] == pytest.approx(25.0 / sd_m**2, rel=1e-6)
+    assert scored.metrics["inside_3_sigma_0s_percent"] == 100.0 * inside
     window = windows[0]
     inside_it = (mocap.time_s >= window.t0_s) & (mocap.time_s <= window.t0_s + window.h_s)
     path = np.linalg.norm(np.diff(mocap["px", "py", "pz"][inside_it], axis=0), axis=1).sum()

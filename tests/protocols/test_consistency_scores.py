@@ -5,6 +5,7 @@ import pytest
 
 from nanobench_tools.methods import Estimate
 from nanobench_tools.metrics.consistency import independent_samples
+from nanobench_tools.protocols import blackout
 from nanobench_tools.protocols.scoring3 import consistency_metrics
 
 
@@ -60,3 +61,17 @@ def test_what_is_not_said_is_not_scored():
     nis = scores(drawn(50, 5), np.eye(3), nis=np.full(40, 3.0), nis_dof=np.full(40, 3))
     assert (nis["nis"], nis["nis_in_band"]) == (1.0, 1.0)
     assert np.isnan(scores(drawn(50, 5), np.zeros((3, 3)))["nees"])
+
+
+def test_windows_that_overlap_count_as_those_that_fit_side_by_side():
+    """A mean NEES of 4.2 from 40 windows is out of the band of 40, and in that of 10."""
+    found = blackout.consistency_after({1.0: [4.2] * 40, 20.0: [4.2] * 40, 5.0: []})
+    assert (found["nees_1s"], found["nees_in_band_1s"], found["nees_in_band_20s"]) == (pytest.approx(4.2), 0.0, 1.0)
+    assert np.isnan(found["nees_in_band_5s"])
+    assert blackout.consistency_after({0.0: [14.0, 15.0]})["inside_3_sigma_0s_percent"] == 50.0
+
+
+def test_a_consistent_estimator_is_in_the_band_on_nineteen_flights_of_twenty():
+    rng = np.random.default_rng(5)
+    inside = [blackout.consistency_after({5.0: rng.chisquare(3.0, 7).tolist()})["nees_in_band_5s"] for _ in range(2000)]
+    assert np.mean(inside) == pytest.approx(0.95, abs=0.015)
