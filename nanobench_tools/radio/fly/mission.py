@@ -19,6 +19,8 @@ from .interrupts import Hung, Interrupts
 from .latest_log import astray, health_age_s
 from .outcome import Listener, Outcome
 from .pilot import PERIOD_S, Pilot, finite
+from .pose_gate import PoseGate
+from .pose_physics import PosePhysics
 from .pose_tracker import Believed, PoseTrack
 from .prepare import Ready
 from .safety import Limits, Situation, Stop, first_stop
@@ -41,17 +43,22 @@ been lost, then late, since the integrators of a heavy vehicle need time."""
 
 
 class Flight:
-    """One flight of a prepared vehicle. ``setpoint``: told of every packet that is sent, with its host time."""
+    """One flight of a prepared vehicle. ``setpoint``: told of every packet that is sent, with its host time. ``gate``
+    of the poses; ``feed`` switches off that they are sent to the vehicle."""
 
     def __init__(self, link: Link, track: PoseTrack, pilot: Pilot, ready: Ready, limits: Limits, clock: Clock,
                  listeners: tuple[Listener, ...] = (), setpoint: Callable[[float, bytes], None] | None = None,
-                 ground_s: float = 0.0) -> None:
+                 ground_s: float = 0.0, gate: PoseGate | None = None,
+                 feed: Callable[[bool], None] = lambda on: None) -> None:
         self.link, self.track, self.pilot, self.limits, self.clock = link, track, pilot, limits, clock
         self.plan: Plan = ready.plan
         self.ground_m = float(ready.pose.position_m[2])
         self.rules = safety.rules(limits)
         self.interrupts = Interrupts()
         self.ground_s = ground_s
+        self._gate, self._feed = gate or PoseGate(), feed
+        self._gate.ground_m = self.ground_m
+        self._physics = PosePhysics()
         self._listeners, self._setpoint = listeners, setpoint
         self._outcome = Outcome()
         self._now = Situation()
@@ -60,6 +67,7 @@ class Flight:
         self.pacer = Pacer(clock, PERIOD_S)
         self._guardian: Guardian | None = None
         self._hung: Stop | None = None
+        self._unbelieved = False
 
     def run(self) -> Outcome:
         """Fly the plan, or as much of it as the rules allow. On return the vehicle is on the ground, or was given up.
@@ -153,6 +161,8 @@ class Flight:
         now.silent_s, now.lost = host - link.heard_s, link.lost
         now.health_age_s = health_age_s(link, host)
         now.astray_m = float(np.linalg.norm(astray(link, believed, host)))
+        now.pose_fault = self._gate.why or now.pose_fault or self._physics.check(believed, link.values, link.logged_s,
+                                                                                 host)
         now.late_ticks = self.pacer.beat.late_in_a_row
         now.interrupted = self.interrupts.requested
         self._request_echo()
@@ -258,9 +268,12 @@ class Flight:
         self._note(f"stop: {stop}")
         self._enter("hand-over", self.clock.now())
         now = self._now
+        if stop.rule == safety.PosesDisagree.name:
+            self._feed(False)  # the vehicle goes on by its IMU
+            self._unbelieved = True
         place = place_to_hold(now.position_m, now.velocity_m_s, self.limits.fence, self.ground_m)
         yaw = 0.0 if self._believed is None else self._believed.yaw_rad
-        brief = now.pose_age_s > self.limits.stale_s or stop.rule == safety.Sinks.name
+        brief = now.pose_age_s > self.limits.stale_s or stop.rule in (safety.Sinks.name, safety.PosesDisagree.name)
         own = self._own if stop.rule == safety.Astray.name else None
         self._by_setpoints(hand_over(self.link, self.clock, place, yaw, self.ground_m, brief=brief, seen=self._seen,
                                      tick=self._idle, own=own))
@@ -279,7 +292,7 @@ class Flight:
     def _rest(self) -> None:
         """Motors off, if the vehicle is where they may be."""
         newest, again = self.track.newest, 0
-        if newest is None or newest.position_m[2] < self.ground_m + 4.0 * GROUND_M:
+        if self._unbelieved or newest is None or newest.position_m[2] < self.ground_m + 4.0 * GROUND_M:
             self.link.send_setpoint(setpoint_packets.stop())
             self.link.release()  # else the vehicle's watchdog would miss further set-points and lock it
             again = RELEASES
@@ -293,7 +306,9 @@ class Flight:
             self.clock.sleep_until(self.clock.now() + PERIOD_S)
 
     def _seen(self) -> Believed | None:
-        """Where it is, if poses come."""
+        """Where it is, if poses come that are believed."""
+        if self._unbelieved:
+            return None
         now = self.clock.now()
         believed = self.track.at(now)
         return None if believed is None or now - believed.pose_s > self.limits.stale_s else believed

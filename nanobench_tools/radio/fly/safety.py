@@ -32,6 +32,7 @@ class Situation:
     - streamed: the host flies, not the vehicle's own planner.
     - below_m: height below the set-point, 0 above it.
     - health_age_s: since the last battery or supervisor value.
+    - pose_fault: why the poses are not believed, in words.
     - astray_m: between the vehicle's own estimate and the poses, nan if unknown."""
 
     time_s: float = 0.0
@@ -50,6 +51,7 @@ class Situation:
     below_m: float = 0.0
     health_age_s: float = 0.0
     astray_m: float = float("nan")
+    pose_fault: str = ""
 
 
 class Rule(Protocol):
@@ -118,6 +120,15 @@ class StalePose:
 
     def check(self, now: Situation) -> str:
         return f"no pose for {now.pose_age_s:.2f} s" if not now.pose_age_s <= self.stale_s else ""
+
+
+class PosesDisagree:
+    """Poses repeat, jump, or contradict the IMU: frozen, swapped, mirrored or late."""
+
+    name = "poses"
+
+    def check(self, now: Situation) -> str:
+        return now.pose_fault
 
 
 class Geofence:
@@ -265,7 +276,7 @@ class VehicleStopped:
 
 def rules(limits: Limits) -> tuple[Rule, ...]:
     """All of them; the first that has a reason ends the flight."""
-    return (Interrupted(), LostLink(limits.silent_s), VehicleStopped(), StalePose(limits.stale_s),
+    return (Interrupted(), LostLink(limits.silent_s), VehicleStopped(), PosesDisagree(), StalePose(limits.stale_s),
             ControllerFailed(), Overrun(limits.overrun_s, limits.late_ticks), Geofence(*limits.fence),
             Tilt(limits.tilt_deg), Speed(limits.speed_m_s), LowBattery(limits.battery_V), Sinks(), Unheard(), Astray())
 

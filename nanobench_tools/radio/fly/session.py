@@ -103,7 +103,7 @@ def fly_session(request: Request) -> Result:
             recorder.start()
             listeners.append(recorder)
         flight = Flight(link, feed.track, request.pilot, ready, request.limits, clock, tuple(listeners), feed.sent,
-                        ground_s=GROUND_S)
+                        ground_s=GROUND_S, gate=feed.gate, feed=feed.switch)
         watch.beat_of = lambda: flight.pacer.beat
         with watch:
             outcome = flight.run()

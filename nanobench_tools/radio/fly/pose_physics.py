@@ -1,0 +1,93 @@
+"""Poses against the accelerometer and the gyro of the vehicle while it flies.
+
+Velocity: the velocity of the poses changes by the integral of the measured acceleration. This fails for a tracker that
+follows another body, freezes with noise or mirrors the motion. Rotation: over a tenth of a second, the poses turn by
+the integral of the gyro. Mirrored or late attitudes turn the other way.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+
+import numpy as np
+
+from ... import so3
+from ...settings import number
+from ...units import GRAVITY_M_S2
+from .pose_tracker import Believed
+
+MOST_M_S = number("flying.pose_physics.most_m_s")
+CHANGE_S = number("flying.pose_physics.change_s")
+LASTS_S = number("flying.pose_physics.lasts_s")
+LEAST_SLOPE = number("flying.pose_physics.least_slope")
+LEAST_TURN_DEG = number("flying.pose_physics.least_turn_deg")
+SLOPE_S = number("flying.pose_physics.slope_s")
+TURN_S = 0.1
+"""Of one rotation that is compared: as long as the fit of the poses."""
+FRESH_S = 0.15
+"""IMU values that are older are not used, and the comparison begins anew. Three packets in a row may be lost."""
+IMU = ("acc.x", "acc.y", "acc.z", "gyro.x", "gyro.y", "gyro.z")
+
+
+class PosePhysics:
+    """``check`` once a tick; returns the reason to end the flight, or ""."""
+
+    def __init__(self) -> None:
+        self._restart()
+
+    def _restart(self) -> None:
+        self._time_s: float | None = None
+        self._imu_m_s, self._imu_turn = np.zeros(3), np.zeros(3)
+        self._off: deque[tuple[float, np.ndarray]] = deque()
+        self._turns: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
+        self._sums: deque[tuple[float, float, float]] = deque()
+        self._bad_s = 0.0
+
+    def check(self, believed: Believed | None, values: Mapping[str, float], logged_s: Mapping[str, float],
+              host_s: float) -> str:
+        """``values``, ``logged_s``: of the link, g and deg/s."""
+        ages = [host_s - logged_s.get(name, -np.inf) for name in IMU]
+        if believed is None or host_s - believed.pose_s > FRESH_S or not max(ages) < FRESH_S:
+            self._restart()
+            return ""
+        step = 0.0 if self._time_s is None else host_s - self._time_s
+        if not 0.0 <= step < FRESH_S:
+            self._restart()
+            step = 0.0
+        self._time_s = host_s
+        acc = GRAVITY_M_S2 * np.array([values[name] for name in IMU[:3]])
+        gyro = np.radians([values[name] for name in IMU[3:]])
+        self._imu_m_s = self._imu_m_s + step * (so3.rotate(believed.quaternion, acc) - [0.0, 0.0, GRAVITY_M_S2])
+        self._imu_turn = self._imu_turn + step * gyro
+        return self._velocity(believed, host_s, step) or self._rotation(believed, host_s)
+
+    def _velocity(self, believed: Believed, now_s: float, step_s: float) -> str:
+        off = believed.velocity_m_s - self._imu_m_s
+        self._off.append((now_s, off))
+        while now_s - self._off[0][0] > CHANGE_S:
+            self._off.popleft()
+        apart = float(np.linalg.norm(off - self._off[0][1]))
+        self._bad_s = self._bad_s + step_s if apart > MOST_M_S else 0.0
+        if self._bad_s < LASTS_S:
+            return ""
+        return f"the velocity of the poses changed by {apart:.1f} m/s more than the accelerometer measured"
+
+    def _rotation(self, believed: Believed, now_s: float) -> str:
+        self._turns.append((now_s, believed.quaternion, self._imu_turn))
+        if now_s - self._turns[0][0] < TURN_S:
+            return ""
+        while now_s - self._turns[0][0] > TURN_S + 1e-6 and now_s - self._turns[1][0] >= TURN_S - 1e-6:
+            self._turns.popleft()
+        _, before, turned = self._turns[0]
+        gyro = (self._imu_turn - turned)[:2]
+        poses = so3.log(so3.multiply(so3.conjugate(before), believed.quaternion))[:2]
+        self._sums.append((now_s, float(gyro @ poses), float(gyro @ gyro)))
+        if now_s - self._sums[0][0] < SLOPE_S:
+            return ""
+        self._sums.popleft()
+        sums = np.array([s[1:] for s in self._sums])
+        if sums[:, 1].mean() < np.radians(LEAST_TURN_DEG)**2:
+            return ""
+        slope = float(sums[:, 0].sum() / sums[:, 1].sum())
+        return (f"the poses turn {slope:.1f} times as far as the gyro: mirrored or late" if slope < LEAST_SLOPE else "")

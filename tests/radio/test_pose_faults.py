@@ -1,0 +1,150 @@
+"""Poses that lie while a vehicle flies: the flight ends by the hand-over, and the vehicle hardly gets further.
+
+On the simulated vehicle's own clock, through cflib, at 1 m/s (SYNTHETIC).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from nanobench_tools.radio.fly.pose_gate import PoseGate
+from nanobench_tools.radio.mocap.pose_datagram import Pose, pack, unpack
+
+pytest.importorskip("cflib")
+
+from faulty_world import ROOM
+
+from controllers.plants.served_vehicle import served
+from nanobench_tools.cli.fly_controllers import pilot_for
+from nanobench_tools.radio.fly.flight_plan import chosen_path
+from nanobench_tools.radio.fly.safety import Limits
+from nanobench_tools.radio.fly.session import Request, fly_session
+from nanobench_tools.radio.fly.virtual import VirtualWorld
+from nanobench_tools.radio.simulated.channel import RadioOptions
+
+LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
+FURTHER_M = 0.5
+ALL = ("onboard_pid", "onboard_mellinger", "mellinger_full", "geometric", "lqr", "mpc_daqp", "mpc_osqp", "nmpc")
+
+
+class LyingWorld(VirtualWorld):
+    """Motion capture that lies from ``at_s`` after take-off at 0.8 m on; ``lie(pose, poses before)`` -> pose.
+    ``begun_m``, ``begun_m_s``: where the vehicle was and how fast when it began; ``places_m``: afterwards."""
+
+    def __init__(self, lie, after_s: float = 8.0) -> None:
+        super().__init__(served(), RadioOptions(latency_s=0.010), ROOM)
+        self._lie, self._after_s = lie, after_s
+        self._high_s = np.inf
+        self._before: list[Pose] = []
+        self.begun_m = self.begun_m_s = None
+        self.places_m: list[np.ndarray] = []
+        self.sank_m_s = 0.0
+        due = self.simulation.mocap.due
+        self.simulation.mocap.due = lambda time_s: [self._said(d, time_s) for d in due(time_s)]
+
+    def _said(self, datagram: bytes, now_s: float) -> bytes:
+        pose = unpack(datagram)
+        place, velocity, _ = self.simulation.onboard.vehicle.true_pose()
+        if place[2] > 0.8:
+            self._high_s = min(self._high_s, now_s)
+        if (now_s - self._high_s < self._after_s and self._after_s >= 0.0) or len(self._before) < 40:
+            self._before = [*self._before[-200:], pose]
+            return datagram
+        if self.begun_m is None:
+            self.begun_m, self.begun_m_s = place.copy(), velocity.copy()
+        self.places_m.append(place.copy())
+        self.sank_m_s = max(self.sank_m_s, -float(velocity[2]))
+        said = self._lie(pose, self._before)
+        self._before = [*self._before[-200:], pose]
+        return pack(*said)
+
+    @property
+    def further_m(self) -> float:
+        """Over the ground."""
+        return float(np.linalg.norm(np.array(self.places_m)[:, :2] - self.begun_m[:2], axis=1).max())
+
+
+def frozen(pose: Pose, before: list[Pose]) -> Pose:
+    frozen.last = before[-1] if frozen.last is None else frozen.last
+    return Pose(pose.time_s, frozen.last.position_m, frozen.last.quaternion)
+
+
+def frozen_with_noise(pose: Pose, before: list[Pose]) -> Pose:
+    still = frozen(pose, before)
+    return still._replace(position_m=still.position_m + 2e-4 * np.sin(1e3 * pose.time_s * np.arange(1, 4)))
+
+
+def mirrored(pose: Pose, before: list[Pose]) -> Pose:
+    return pose._replace(position_m=pose.position_m * [1.0, -1.0, 1.0], quaternion=pose.quaternion * [-1, 1, -1, 1])
+
+
+def late(pose: Pose, before: list[Pose]) -> Pose:
+    then = before[-30]
+    return Pose(pose.time_s, then.position_m, then.quaternion)
+
+
+def swapped(pose: Pose, before: list[Pose]) -> Pose:
+    """Another vehicle that hovers elsewhere."""
+    still = frozen_with_noise(pose, before)
+    return still._replace(position_m=still.position_m + np.array([0.5, 0.3, 0.0]))
+
+
+def flown(lie, controller: str = "onboard_pid", speed: float = 1.0, after_s: float = 8.0):
+    frozen.last = None
+    world = LyingWorld(lie, after_s)
+    path = chosen_path("circle", speed, 0.6, 8.0)
+    with world.served() as uri:
+        outcome = fly_session(Request(path, pilot_for(controller, None, None), Limits(), uri, world, (),
+                                      clock=world)).outcome
+    return outcome, world
+
+
+def test_frozen_poses_end_the_flight_before_the_vehicle_gets_far():
+    outcome, world = flown(frozen)
+    assert outcome.stop.rule == "poses"
+    assert "the same pose for 0.15 s" in outcome.stop.reason
+    assert np.linalg.norm(world.begun_m_s) > 0.8
+    assert world.further_m < FURTHER_M
+    assert world.simulation.onboard.vehicle.true_pose()[0][2] < 0.05
+
+
+@pytest.mark.slow
+def test_poses_that_are_true_end_no_flight():
+    outcome, world = flown(lambda pose, before: pose)
+    assert outcome.stop is None
+    assert world.further_m > FURTHER_M
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lie", [frozen, frozen_with_noise, mirrored, late, swapped])
+@pytest.mark.parametrize("controller", ALL)
+def test_every_controller_loses_the_flight_before_the_vehicle_gets_far(controller, lie):
+    outcome, world = flown(lie, controller)
+    assert outcome.stop.rule == "poses"
+    assert np.linalg.norm(world.begun_m_s) > 0.8
+    assert world.further_m < FURTHER_M
+    assert world.simulation.onboard.vehicle.true_pose()[0][2] < 0.05
+    assert world.sank_m_s < 2.0
+
+
+def gate() -> PoseGate:
+    return PoseGate(ground_m=0.0)
+
+
+def test_the_gate_passes_a_flight_and_withholds_a_repeated_pose_and_a_jump():
+    found = gate()
+    for k in range(100):
+        assert found.admits(Pose(0.01 * k, np.array([0.01 * k, 0.0, 1.0]), LEVEL))
+    assert not found.admits(Pose(1.0, np.array([0.99, 0.0, 1.0]), LEVEL))
+    assert not found.admits(Pose(1.01, np.array([1.5, 0.0, 1.0]), LEVEL))
+    assert not found.why
+    assert found.admits(Pose(1.02, np.array([1.02, 0.0, 1.0]), LEVEL))
+    for k in range(20):
+        found.admits(Pose(1.03 + 0.01 * k, np.array([1.02, 0.0, 1.0]), LEVEL))
+    assert found.why.startswith("the same pose for 0.1")
+
+
+def test_a_vehicle_on_the_ground_may_repeat_its_pose():
+    found = gate()
+    assert all(found.admits(Pose(0.01 * k, np.zeros(3), LEVEL)) for k in range(100))
