@@ -18,6 +18,7 @@ from ..tables.result_table import Table as Grid
 from .closing import again, close, shown_page
 from .prove_corrupted import DEFAULT_PLACES
 from .prove_corrupted import corrupted as wrong_simulators
+from .prove_shipped import shipped as shipped_wrong
 from .real_folders import HEADS, NORMAL, check_mass, copies_between, real_folders, rows, sentences, show_folders
 from .shared_options import PATH, shared_options
 
@@ -45,7 +46,7 @@ FLYING = ("practice", "rotorpy", "both")
 @click.option("--engine", metavar="NAME",
               help="Who flies: practice (the engine of this project), rotorpy, or both in turn (default). "
                    "What RotorPy cannot fly, and all without it, the first one flies; every case says who it was. With "
-                   "--corrupted: what diagnoses, posterior (default), rules or module:function.")
+                   "--corrupted and --shipped: what diagnoses, posterior (default), rules or module:function.")
 @click.option("--diagnosed-by", type=click.Choice(ENGINES), default=None,
               help="What diagnoses made-up cases and those of --concealed and --corrupted. Default: posterior.")
 @click.option("--concealed", is_flag=False, flag_value=DEFAULT_PLACES, metavar="[DIR]",
@@ -55,6 +56,10 @@ FLYING = ("practice", "rotorpy", "both")
 @click.option("--corrupted", is_flag=False, flag_value=DEFAULT_PLACES, metavar="[DIR]",
               help="Real recordings of known vehicles below DIR (default: the default places of other verbs). A "
                    "simulator fitted to some flights gets a wrong parameter and is diagnosed on others.")
+@click.option("--shipped", is_flag=False, flag_value=DEFAULT_PLACES, metavar="[DIR]",
+              help="Real recordings below DIR (default: as for --corrupted) against public simulators that shipped "
+                   "with a wrong parameter, before and after their makers' correction.")
+@click.option("--case", "names", multiple=True, metavar="NAME", help="Of --shipped: this case only; may repeat.")
 @click.option("--vehicle", "vehicles", multiple=True, metavar="NAME",
               help="Of --corrupted: this vehicle only; may repeat.")
 @click.option("--leave-vehicle-out", "left_out", multiple=True, metavar="NAME",
@@ -75,12 +80,14 @@ FLYING = ("practice", "rotorpy", "both")
 @click.option("--same-day", is_flag=True, help="With --real: all folders are of the day of the normal flights.")
 @click.option("--nothing-added", is_flag=True, help="With --real: nothing was put onto the vehicle in any folder.")
 def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: str | None, diagnosed_by: str | None,
-          concealed: str | None, corrupted: str | None, vehicles: tuple[str, ...], left_out: tuple[str, ...],
-          groups: int | None, mass_kg: float | None, real: Path | None, labels: Path | None, normal: str | None,
-          simulator: Path | None, same_day: bool, nothing_added: bool) -> int:
+          concealed: str | None, corrupted: str | None, shipped: str | None, names: tuple[str, ...],
+          vehicles: tuple[str, ...], left_out: tuple[str, ...], groups: int | None, mass_kg: float | None,
+          real: Path | None, labels: Path | None, normal: str | None, simulator: Path | None, same_day: bool,
+          nothing_added: bool) -> int:
     """Blind proof of "nanobench diagnose": is what it names there, and does it say so when it does not know?
 
     --corrupted diagnoses real flights against simulators with a wrong belief, whose right value is known.
+    --shipped does the same with public simulators whose makers or users found a parameter wrong.
 
     Cases are flown with effects that the simulator does not have. Kinds: single, pair, twin (one that is easily
     confused with another) and change (from one flight on). Other kinds have no effect (null), wrong data (fault), or
@@ -94,6 +101,14 @@ def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: s
     """
     if mass_kg is not None:
         check_mass(mass_kg)
+    if shipped is not None:
+        if corrupted is not None or concealed is not None or real is not None or kinds or cases is not None:
+            raise UsageError("--shipped goes with none of --corrupted, --concealed, --real, --kind and --cases")
+        check_installed()
+        return options.finish("shipped", to_json(shipped_wrong(
+            options, shipped, names, engine or diagnosed_by or ENGINES[0])))
+    if names:
+        raise UsageError("--case belongs to --shipped")
     if corrupted is not None:
         if concealed is not None or real is not None or kinds:
             raise UsageError("--corrupted goes with none of --concealed, --real and --kind")

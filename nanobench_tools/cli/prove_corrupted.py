@@ -34,7 +34,7 @@ def corrupted(options: Options, place: str, n: int | None, engine: str, vehicles
 
     chosen = engine_of(engine)
     asked = [v for v in (named(vehicles) if vehicles else VEHICLES) if v not in named(left_out)]
-    roots = _roots(place)
+    roots = recording_roots(place, "--corrupted")
     seen = {v.name: root for v in asked for root in reversed(roots) if paths_of(v, root)}
     absent = [v.name for v in asked if v.name not in seen]
     if absent:
@@ -64,17 +64,17 @@ def corrupted(options: Options, place: str, n: int | None, engine: str, vehicles
     return proof
 
 
-def _roots(place: str) -> list[Path]:
-    """Folders that may have the recordings of the vehicles."""
+def recording_roots(place: str, option: str) -> list[Path]:
+    """Folders that may have the recordings of the vehicles; ``option``: named in errors."""
     if place != DEFAULT_PLACES:
         if not Path(place).is_dir():
-            raise InputError(f"--corrupted {place}", "is no folder", "give the folder of the recordings")
+            raise InputError(f"{option} {place}", "is no folder", "give the folder of the recordings")
         return [Path(place)]
     given = [Path(p) for p in os.environ.get("NANOBENCH_DATA", "").split(os.pathsep) if p]
     places = [*given, *(p.parent for p in given), Path("data"), Path("..") / "shared" / "data"]
     found = [p for p in places if p.is_dir()]
     if not found:
-        raise UsageError("no recordings in $NANOBENCH_DATA, ./data or ../shared/data; give --corrupted DIR")
+        raise UsageError(f"no recordings in $NANOBENCH_DATA, ./data or ../shared/data; give {option} DIR")
     return found
 
 
