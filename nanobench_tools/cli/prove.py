@@ -87,6 +87,7 @@ def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: s
     """Blind proof of "nanobench diagnose": is what it names there, and does it say so when it does not know?
 
     --corrupted diagnoses real flights against simulators with a wrong belief, whose right value is known.
+
     --shipped does the same with public simulators whose makers or users found a parameter wrong.
 
     Cases are flown with effects that the simulator does not have. Kinds: single, pair, twin (one that is easily

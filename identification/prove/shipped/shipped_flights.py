@@ -18,8 +18,8 @@ from nanobench_tools.sources.discover import load_recordings
 from nanobench_tools.version import __version__
 
 COMMANDS = "brushed_commands"
-"""The brushed vehicle as a simulator of motor commands sees it: rotor speeds make the nominal simulator and its lag,
-and are hidden in the flights that are diagnosed."""
+"""The brushed vehicle as a simulator of motor commands sees it. Rotor speeds make the nominal simulator and its lag.
+They are hidden in the flights that are diagnosed."""
 MOST_FLIGHTS = 4
 """Of a vehicle: a diagnosis of more takes minutes."""
 OF_COMMANDS = ("identification/prove/hidden_speed.py", "identification/motors/*")

@@ -63,8 +63,11 @@ class ShippedResult(Result):
 
 @dataclass(frozen=True, repr=False)
 class ShippedProof(Result):
-    """shipped.json. right: of the cases that were judged; identified: of those whose error predictions show; sized: of
-    the identified sizes that are compared; false: cases with an effect that is not there, before or after."""
+    """shipped.json.
+
+    - right: of the cases that were judged; identified: of those whose error predictions show.
+    - sized: of the identified sizes that are compared.
+    - false: cases with an effect that is not there, before or after."""
 
     engine: str
     seed: int

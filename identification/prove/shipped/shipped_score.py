@@ -67,8 +67,9 @@ class ShippedScore(Result):
 
     - shown: largest rise of a prediction error over that of the corrected simulator; visible: by a quarter or more.
     - named: terms identified in the simulator as shipped; also: in the corrected one.
-    - false: identified as shipped, not part of the known error, and identified neither in the corrected simulator nor
-      in the nominal one. again: identified in the corrected simulator although it is right there.
+    - false: identified as shipped and not part of the known error. What is identified in the corrected or the nominal
+      simulator, too, is not counted.
+    - again: identified in the corrected simulator although it is right there.
     - sized: all known errors have their size in the interval; right: the whole answer; why not, in words."""
 
     name: str
