@@ -107,8 +107,8 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
         case.give_up(beyond)
     discrepancy = unexplained(case, weighing.sizes(best))
     by_term = _by_term(case, posterior)
-    kinds = {i: _class_of(weighing, best, i) | _alike(case, weighing.sizes(best), i, discrepancy)
-             | _of_family(case.effects[i].term, by_term) for i in best}
+    kinds = {i: _with_twins(_class_of(weighing, best, i) | _alike(case, weighing.sizes(best), i, discrepancy)
+                            | _of_family(case.effects[i].term, by_term)) for i in best}
     sure = {i: sum(p for s, p in posterior.items()
                    if {evidence.effects[j].term for j in s} & set(kinds[i])) for i in best}
     found = _standing(weighing, tuple(i for i in best if sure[i] >= NAMED), rejected)
@@ -250,11 +250,19 @@ def _exchanges(weighing: Weighing, chosen: tuple[int, ...], which: int) -> Itera
 def _class_of(weighing: Weighing, chosen: tuple[int, ...], which: int) -> dict[str, float]:
     """{term: log odds lost by the exchange}: terms that could replace one of a set."""
     effects = weighing.case.effects
-    found = {effects[which].term: 0.0} | dict.fromkeys(TWINS.get(effects[which].term, ()), 0.0)
+    found = {effects[which].term: 0.0}
     for other, _, lost in _exchanges(weighing, chosen, which):
         term = effects[other].term
-        for alike in (term, *TWINS.get(term, ())):
-            found[alike] = min(lost, found.get(alike, np.inf))
+        found[term] = min(lost, found.get(term, np.inf))
+    return found
+
+
+def _with_twins(kind: Mapping[str, float]) -> dict[str, float]:
+    """With the twins of every member of a class."""
+    found = dict(kind)
+    for term, lost in kind.items():
+        for twin in TWINS.get(term, ()):
+            found[twin] = min(lost, found.get(twin, np.inf))
     return found
 
 

@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.special import ndtr
+from scipy.special import log_ndtr
 
 from nanobench_tools.settings import count, number, setting
 
@@ -208,9 +208,8 @@ class Evidence:
         normal distribution, truncated at the bounds of a vehicle."""
         sd = slab * np.sqrt(np.diag(np.linalg.inv(normal)))
         lower, upper = self.lower[index], self.upper[index]
-        after = ndtr((upper - mean) / sd) - ndtr((lower - mean) / sd)
-        before = ndtr(upper / slab) - ndtr(lower / slab)
-        return float(np.log(np.maximum(after, 1e-20) / before).sum())
+        return float((_log_between((lower - mean) / sd, (upper - mean) / sd)
+                      - _log_between(lower / slab, upper / slab)).sum())
 
     def _cancel(self, index: np.ndarray, own: np.ndarray, coefficients: np.ndarray) -> bool:
         work = self.work[:, index][:, :, index]
@@ -350,6 +349,13 @@ class Evidence:
         log = np.array(list(self.sets.values()))
         p = np.exp(log - np.logaddexp.reduce(log))
         return dict(zip(self.sets, p.tolist(), strict=True))
+
+
+def _log_between(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Log probability of a standard normal number between two limits, also far out."""
+    low, high = np.where(low > 0.0, -high, low), np.where(low > 0.0, -low, high)  # the left tail has small numbers
+    most = log_ndtr(high)
+    return np.asarray(most + np.log1p(-np.exp(np.minimum(log_ndtr(low) - most, -1e-12))))
 
 
 def _factor(normal: np.ndarray, deviation: np.ndarray) -> np.ndarray:

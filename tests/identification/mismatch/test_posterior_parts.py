@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from carried_tracks import MODEL, wrench_of
 from scipy.signal import lfilter
-from scipy.stats import multivariate_normal
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal, truncnorm
 
 from identification.mismatch.memory import runs_of
 from identification.mismatch.page import GOES_WITH
@@ -120,6 +121,21 @@ def test_evidence_is_that_of_the_normal_distribution(monkeypatch):
     # the coefficient is the mean of the conditional distribution
     wide = beside + 0.25 * np.outer(columns[:, 0], columns[:, 0])
     assert case.weighed((0,))[1][0] == pytest.approx(0.25 * columns[:, 0] @ np.linalg.solve(wide, y), abs=1e-9)
+
+
+@pytest.mark.parametrize("upper", [9.0, 0.4, 0.05, -0.2])
+def test_evidence_inside_bounds_is_the_integral_up_to_them(monkeypatch, upper):
+    """Also where the flights require a size far outside: no floor makes such an effect probable."""
+    monkeypatch.setattr(set_evidence, "SCALES", (0.5,))
+    case, _, _ = small_case()
+    case.rest = 25.0 * case.rest  # five times as many flights
+    case.lower, case.upper = np.full(2, -9.0), np.full(2, upper)
+    precise, right = case.rest[0, 0], case.rest[0, -1]
+    prior = truncnorm(-18.0, upper / 0.5, scale=0.5)
+    at = np.linspace(-2.0, upper, 200_001) if upper < 2.0 else np.linspace(-2.0, 2.0, 200_001)
+    log = prior.logpdf(at) + right * at - 0.5 * precise * at**2
+    want = logsumexp(log) + np.log(at[1] - at[0])
+    assert case.weighed((0,))[0] == pytest.approx(want, abs=2e-2)
 
 
 @pytest.mark.parametrize("predicted", [0, 10])
