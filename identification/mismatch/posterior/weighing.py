@@ -1,8 +1,8 @@
 """Prior, evidence of the residual, and predictions of flights that were left out, together: how probable a set is.
 
-Predictions take longer than evidence. So every term is predicted alone, at its most probable reading, and then the sets
-that would be the most probable if the gains of their effects added up. Two effects often improve the same prediction.
-So a set that was not predicted has the gain of its best part that was and the loss of its worst.
+Predictions take longer than evidence. So every term is predicted alone, at its most probable reading. Then follow the
+sets that would be the most probable if the gains of their effects added up. Two effects often improve the same
+prediction. A set that was not predicted has the gain of its best part that was, and the loss of its worst.
 """
 
 from __future__ import annotations
