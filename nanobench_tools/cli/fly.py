@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import sys
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -58,18 +60,20 @@ INTERRUPTED = 130
 @click.option("--speed-limit", type=FiniteRange(0.1, 20.0), default=3.0, show_default=True, metavar="M_S")
 @click.option("--battery-limit", type=FiniteRange(2.5, 4.2), default=2.9, show_default=True, metavar="V",
               help="Mean of a second under load below which it lands.")
+@click.option("--yes", is_flag=True, help="Arm a real vehicle without asking, for scripts.")
 def fly(options: Options, controller: str, trajectory: str, speed: float | None, size: float | None,
         seconds: float | None, uri: str | None, mocap: str | None, record_to: Path | None, blocks: Path | None,
         setpoints: str | None, simulator: Path | None, dry_run: bool, yaw_deg: float, fence: tuple[float, ...],
-        tilt_deg: float, speed_limit: float, battery_limit: float) -> int:
+        tilt_deg: float, speed_limit: float, battery_limit: float, yes: bool) -> int:
     """Fly a path: checklist, take-off, fade-in, path, fade-out, landing, at 100 Hz.
 
     A broken rule (fence, pose, battery, tilt, speed, controller, deadlines, link, Ctrl-C) ends the flight. The vehicle
-    holds its place and lands, and the exit line gives the reason. Nothing is armed when a check fails."""
+    holds its place and lands, and the exit line gives the reason. Nothing is armed when a check fails.
+    The space bar or a second Ctrl-C stops the motors at once."""
     from ..radio.blocks import default_blocks, read_blocks
     from ..radio.fly.flight_plan import chosen_path
     from ..radio.fly.safety import Limits
-    from ..radio.fly.session import Request
+    from ..radio.fly.session import Request, is_simulated
     from ..radio.mocap.mocap_sources import pose_source
 
     spec = chosen_path(trajectory, speed, size, seconds)
@@ -80,10 +84,31 @@ def fly(options: Options, controller: str, trajectory: str, speed: float | None,
         return _dry_run(options, spec, pilot, limits)
     if uri is None or mocap is None:
         raise UsageError("--uri URI and --mocap SOURCE are needed (or --dry-run)")
-    request = Request(spec, pilot, limits, uri, pose_source(mocap, uri),
+    source = pose_source(mocap, uri)
+    request = Request(spec, pilot, limits, uri, source,
                       read_blocks(blocks) if blocks else default_blocks(), math.radians(yaw_deg), record_to,
-                      options.quiet, options.say, toc_cache())
+                      options.quiet, options.say, toc_cache(),
+                      confirm=confirmation(uri, is_simulated(uri, source), yes))
     return _fly(options, request)
+
+
+def confirmation(uri: str, simulated: bool, yes: bool) -> Callable[[], None]:
+    """What is called before a vehicle is armed: waits for Enter if the vehicle is real. Raises UsageError without
+    a terminal, before a link is opened."""
+    if simulated or yes:
+        return lambda: None
+    if not sys.stdin.isatty():
+        raise UsageError(f"--uri {uri}: there is no terminal to confirm that the motors may turn; give --yes")
+
+    def ask() -> None:
+        click.echo("ready: Enter arms and takes off, Ctrl-C ends. In flight Ctrl-C lands; space or a second Ctrl-C "
+                   "stops the motors", err=True)
+        try:
+            input()
+        except (KeyboardInterrupt, EOFError):
+            raise UsageError("not confirmed; not armed") from None
+
+    return ask
 
 
 def _dry_run(options: Options, spec: PathSpec, pilot: Pilot, limits: Limits) -> int:

@@ -29,7 +29,9 @@ PROTOCOLS = (9, 12)
 SCHEMES = ("radio", "udp", "tcp", "usb", "serial", "prrt", "virtual")
 """``virtual`` is a simulated vehicle in this process on a separate clock (``virtual``)."""
 GENERIC, HIGH_LEVEL, LOCALIZATION, LOG, ECHO = 7, 8, 6, 5, 15
-HL_TAKEOFF, HL_LAND = 7, 8
+HL_STOP, HL_TAKEOFF, HL_LAND = 3, 7, 8
+EMERGENCY_STOP = 3
+"""On the localization port: the motors stop, and the vehicle is locked until it is switched off and on."""
 FLYING = 1 << 4
 """Bit of ``supervisor.info``: set until two seconds after the motors. Closing a link before would lock the vehicle."""
 ECHO_MARK = 1
@@ -62,6 +64,10 @@ class Link(Protocol):
     def take_off(self, height_m: float, duration_s: float) -> None: ...
 
     def land(self, height_m: float, duration_s: float) -> None: ...
+
+    def stop_planner(self) -> None: ...
+
+    def emergency_stop(self) -> None: ...
 
     def set_parameter(self, name: str, value: float) -> None: ...
 
@@ -245,6 +251,13 @@ class CflibLink:
     def land(self, height_m: float, duration_s: float) -> None:
         """The same downwards; its planner switches the motors off at the end."""
         self._send(HIGH_LEVEL, 0, struct.pack("<BBff?f", HL_LAND, 0, height_m, 0.0, True, duration_s))
+
+    def stop_planner(self) -> None:
+        """The high-level commander stops: without set-points the motors stop, too."""
+        self._send(HIGH_LEVEL, 0, struct.pack("<BB", HL_STOP, 0))
+
+    def emergency_stop(self) -> None:
+        self._send(LOCALIZATION, 1, bytes([EMERGENCY_STOP]))
 
     def set_parameter(self, name: str, value: float) -> None:
         """Writes and waits for the echo. Raises InputError for an unknown parameter or no echo."""

@@ -128,6 +128,14 @@ def test_every_controller_loses_the_flight_before_the_vehicle_gets_far(controlle
     assert world.sank_m_s < 2.0
 
 
+def test_poses_of_another_body_stop_the_motors_before_the_vehicle_has_risen_far():
+    """The other body stands on the ground while this one takes off."""
+    outcome, world = flown(swapped, after_s=-1.0)
+    assert (outcome.stop.rule, outcome.stop.phase) == ("poses", "take-off")
+    assert max(place[2] for place in world.places_m) < 0.3
+    assert world.further_m < 0.1
+
+
 def gate() -> PoseGate:
     return PoseGate(ground_m=0.0)
 

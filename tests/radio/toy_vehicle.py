@@ -31,6 +31,7 @@ class Toy:
         self.motors = self.landing = False
         self.told: list[tuple[float, str]] = []
         self.lost, self.heard_s, self.mute, self.blind = "", self.time_s, False, False
+        self.deaf = False
         self.unlogged, self.astray_m = False, np.zeros(3)
         self.round_trips_s: deque[float] = deque([0.002] * 10, maxlen=50)
         self.values = {"pm.vbat": 3.9, "supervisor.info": 0b1011}
@@ -102,6 +103,16 @@ class Toy:
         self._tell("land")
         self.landing = True
         self.goal = np.array([self.place[0], self.place[1], height_m])
+
+    def stop_planner(self) -> None:
+        self._tell("stop planner")
+        self.motors = False
+
+    def emergency_stop(self) -> None:
+        self._tell("emergency stop")
+        if not self.deaf:
+            self.motors = False
+            self.values["supervisor.info"] = 1 << 6
 
     def set_parameter(self, name: str, value: float) -> None:
         self._tell(f"{name} = {value}")

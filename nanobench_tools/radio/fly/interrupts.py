@@ -18,11 +18,12 @@ class Hung(BaseException):
 
 class Interrupts:
     """Ctrl-C and SIGTERM ask for the end: the first for a landing (``requested``), the second is a
-    KeyboardInterrupt."""
+    KeyboardInterrupt. ``emergency``: the motors are to stop at once, by a second Ctrl-C or ``stop``."""
 
     def __init__(self) -> None:
         self.requested = ""
-        self._count = 0
+        self.emergency = ""
+        self._count = self._pressed = 0
         self._waking = False
         self._flying: int | None = None
         self._lock = threading.Lock()
@@ -49,6 +50,14 @@ class Interrupts:
                 self._waking = True
                 signal.pthread_kill(self._flying, signal.SIGINT)  # only this thread's own waiting is cut short by it
 
+    def stop(self, why: str) -> None:
+        """From any thread: an emergency stop. It cuts any wait of the flight short."""
+        with self._lock:
+            self.emergency = self.emergency or why
+            self._count = AT_ONCE
+            if self._flying is not None:
+                signal.pthread_kill(self._flying, signal.SIGTERM)
+
     def _note(self, which: int, frame: FrameType | None) -> None:
         if self._waking:
             self._waking = False
@@ -57,5 +66,8 @@ class Interrupts:
             return
         self.requested = "Ctrl-C" if which == signal.SIGINT else "the program was terminated"
         self._count += 1
+        self._pressed += which == signal.SIGINT
+        if self._pressed >= AT_ONCE:
+            self.emergency = self.emergency or "Ctrl-C twice"
         if self._count >= AT_ONCE and self._flying is not None:
             raise KeyboardInterrupt

@@ -35,6 +35,13 @@ GROUND_M = 0.03
 STILL_S, WRITTEN_S = 4.0, 0.2
 """Maximum wait for motors that do not turn; and for the recording's writer, if the program ends at once."""
 ECHO_S = 0.1
+STOP_S, STOP_AGAIN_S = 5.0, 0.02
+"""An emergency stop is repeated until the vehicle reports that it is locked, so long at most."""
+LOW_M, OFF_TIMES = 0.3, 25
+"""Poses that fail below this height at take-off: the motors stop, since a drop from there does no harm. The command
+is repeated so often, since a link may lose some."""
+AT_REST_TIMES = 3
+"""The vehicle is disarmed so often after it has come to rest."""
 RELEASES = 50
 """Number of times that the end of set-points is sent after landing, since a link may lose some."""
 LIFT_S, LIFT_AGAIN_S = 6.0, (0.8, 2.4)
@@ -84,7 +91,7 @@ class Flight:
             except Hung:
                 stop = self._hung
             except KeyboardInterrupt:
-                stop = self._leave()
+                stop = self._emergency() if self.interrupts.emergency else self._leave()
         self._outcome.stop, self._outcome.beat = stop, self.pacer.beat
         return self._outcome
 
@@ -237,6 +244,9 @@ class Flight:
         LIFT_S. ``commanded_s``: time of the command."""
         if self._phase != TAKEOFF or self._height() > self.ground_m + GROUND_M:
             return None
+        if why := self._physics.climb(now_s):
+            self._now.pose_fault = why
+            return Stop(safety.PosesDisagree.name, why, now_s - commanded_s[0], TAKEOFF)
         if now_s - commanded_s[0] > LIFT_S:
             reason = f"the vehicle does not leave the ground: too heavy? battery {self._now.battery_V:.2f} V"
             return Stop("take-off", reason, now_s - commanded_s[0], TAKEOFF)
@@ -266,8 +276,11 @@ class Flight:
     def _end(self, stop: Stop) -> Stop:
         """Holds, lands, and says why."""
         self._note(f"stop: {stop}")
-        self._enter("hand-over", self.clock.now())
         now = self._now
+        if stop.rule == safety.PosesDisagree.name and self._phase == TAKEOFF and \
+                now.position_m[2] < self.ground_m + LOW_M:
+            return self._drop(stop)
+        self._enter("hand-over", self.clock.now())
         if stop.rule == safety.PosesDisagree.name:
             self._feed(False)  # the vehicle goes on by its IMU
             self._unbelieved = True
@@ -279,6 +292,40 @@ class Flight:
                                      tick=self._idle, own=own))
         self._rest()
         return stop
+
+    def _drop(self, stop: Stop) -> Stop:
+        """Motors off just above the ground: where poses lie, set-points and planner would fly after them."""
+        self._feed(False)
+        self._unbelieved = True
+        for _ in range(OFF_TIMES):
+            self.link.send_setpoint(setpoint_packets.stop())
+            self.link.stop_planner()
+            self.link.arm(False)
+            self._idle()
+            self.clock.sleep_until(self.clock.now() + STOP_AGAIN_S)
+        self._note("motors off just above the ground")
+        self._rest()
+        return stop
+
+    def _emergency(self) -> Stop:
+        """Motors off at once, wherever the vehicle is; repeated until it reports so."""
+        stop = Stop("emergency stop", self.interrupts.emergency, self._now.time_s, self._phase)
+        self._note(f"stop: {stop}")
+        until, locked = self.clock.now() + STOP_S, False
+        while not locked and self.clock.now() < until:
+            try:
+                self.link.emergency_stop()
+                self.link.request_echo()
+            except Exception as error:  # a driver that is gone: the vehicle's watchdog is left
+                self._note(f"the emergency stop could not be sent: {error}")
+                break
+            self._alive()
+            self.clock.sleep_until(self.clock.now() + STOP_AGAIN_S)
+            locked = bool(int(self.link.values.get("supervisor.info", 0)) & safety.LOCKED)
+        said = "the vehicle reports that it is locked" if locked else "the vehicle did not acknowledge it"
+        self._note(f"emergency stop: {said}")
+        self._outcome.left = True
+        return Stop(stop.rule, f"{stop.reason}; {said}", stop.time_s, stop.phase)
 
     def _own(self, place_m: np.ndarray) -> np.ndarray:
         """A place in the belief of the vehicle, as far as it is known."""
@@ -304,6 +351,9 @@ class Flight:
                 self.link.release()
             self._idle()
             self.clock.sleep_until(self.clock.now() + PERIOD_S)
+        if again or not int(self.link.values.get("supervisor.info", 0)) & FLYING:
+            for _ in range(AT_REST_TIMES):
+                self.link.arm(False)
 
     def _seen(self) -> Believed | None:
         """Where it is, if poses come that are believed."""

@@ -22,7 +22,12 @@ CHANGE_S = number("flying.pose_physics.change_s")
 LASTS_S = number("flying.pose_physics.lasts_s")
 LEAST_SLOPE = number("flying.pose_physics.least_slope")
 LEAST_TURN_DEG = number("flying.pose_physics.least_turn_deg")
+BRIEF_S = number("flying.pose_physics.brief_s")
+BRIEF_SLOPE = number("flying.pose_physics.brief_slope")
 SLOPE_S = number("flying.pose_physics.slope_s")
+CLIMB_M_S = number("flying.pose_physics.climb_m_s")
+CLIMB_S = 1.0
+"""Time over which a climb is looked for; a bias of the accelerometer of 0.02 g makes 0.2 m/s of it."""
 TURN_S = 0.1
 """Of one rotation that is compared: as long as the fit of the poses."""
 FRESH_S = 0.15
@@ -43,6 +48,7 @@ class PosePhysics:
         self._turns: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
         self._sums: deque[tuple[float, float, float]] = deque()
         self._bad_s = 0.0
+        self._climb: deque[tuple[float, float]] = deque()
 
     def check(self, believed: Believed | None, values: Mapping[str, float], logged_s: Mapping[str, float],
               host_s: float) -> str:
@@ -61,6 +67,16 @@ class PosePhysics:
         self._imu_m_s = self._imu_m_s + step * (so3.rotate(believed.quaternion, acc) - [0.0, 0.0, GRAVITY_M_S2])
         self._imu_turn = self._imu_turn + step * gyro
         return self._velocity(believed, host_s, step) or self._rotation(believed, host_s)
+
+    def climb(self, now_s: float) -> str:
+        """For a vehicle that the poses show on the ground during take-off: whether the accelerometer shows a climb."""
+        self._climb.append((now_s, float(self._imu_m_s[2])))
+        while now_s - self._climb[0][0] > CLIMB_S:
+            self._climb.popleft()
+        gained = self._climb[-1][1] - self._climb[0][1]
+        if gained < CLIMB_M_S:
+            return ""
+        return f"they show the vehicle on the ground, the accelerometer a climb of {gained:.1f} m/s: another body?"
 
     def _velocity(self, believed: Believed, now_s: float, step_s: float) -> str:
         off = believed.velocity_m_s - self._imu_m_s
@@ -83,11 +99,14 @@ class PosePhysics:
         gyro = (self._imu_turn - turned)[:2]
         poses = so3.log(so3.multiply(so3.conjugate(before), believed.quaternion))[:2]
         self._sums.append((now_s, float(gyro @ poses), float(gyro @ gyro)))
-        if now_s - self._sums[0][0] < SLOPE_S:
-            return ""
-        self._sums.popleft()
-        sums = np.array([s[1:] for s in self._sums])
-        if sums[:, 1].mean() < np.radians(LEAST_TURN_DEG)**2:
-            return ""
-        slope = float(sums[:, 0].sum() / sums[:, 1].sum())
-        return (f"the poses turn {slope:.1f} times as far as the gyro: mirrored or late" if slope < LEAST_SLOPE else "")
+        while now_s - self._sums[0][0] > SLOPE_S:
+            self._sums.popleft()
+        sums = np.array(self._sums)
+        for since_s, least in ((BRIEF_S, BRIEF_SLOPE), (SLOPE_S, LEAST_SLOPE)):
+            recent = sums[sums[:, 0] >= now_s - since_s, 1:]
+            if now_s - self._sums[0][0] < since_s - TURN_S or recent[:, 1].mean() < np.radians(LEAST_TURN_DEG)**2:
+                continue
+            slope = float(recent[:, 0].sum() / recent[:, 1].sum())
+            if slope < least:
+                return f"the poses turn {slope:.1f} times as far as the gyro: mirrored or late"
+        return ""

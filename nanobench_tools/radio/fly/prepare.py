@@ -43,12 +43,14 @@ class Ready:
 
 
 class Preparation:
-    """``feed`` switches on that poses are sent to the vehicle; ``say`` takes one line a step."""
+    """``feed`` switches on that poses are sent to the vehicle; ``say`` takes one line a step; ``confirm`` is called
+    before arming."""
 
     def __init__(self, link: CflibLink, track: PoseTrack, clock: Clock, limits: Limits, mocap: str,
-                 feed: Callable[[bool], None], say: Callable[[str], None]) -> None:
+                 feed: Callable[[bool], None], say: Callable[[str], None],
+                 confirm: Callable[[], None] = lambda: None) -> None:
         self.link, self.track, self.clock, self.limits, self.mocap = link, track, clock, limits, mocap
-        self._feed, self._say = feed, say
+        self._feed, self._say, self._confirm = feed, say, confirm
 
     def run(self, pilot: Pilot, plan_from: Callable[[np.ndarray, float], Plan], yaw_rad: float) -> Ready:
         """Raises InputError for any failed check; the vehicle is then not armed."""
@@ -59,6 +61,7 @@ class Preparation:
         checklist.check_plan(plan, self.limits)
         call_s = self._warm(pilot, plan, delay_s)
         self.link.set_parameter("stabilizer.controller", pilot.onboard)
+        self._confirm()
         if not checklist.standing_still(self.track, pose):
             raise InputError(f"--mocap {self.mocap}", "the vehicle was moved during the checks", "leave it; not armed")
         self._arm()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from ..recorder import Recorder, check_folder, recording_name
 from ..vehicle_link import check_uri, open_link
 from .checklist import check_tables, health_blocks
 from .flight_plan import Plan
+from .keys import space_stops
 from .mission import Flight
 from .outcome import Listener, Outcome, summary
 from .pilot import Pilot
@@ -35,7 +36,8 @@ GROUND_S = 2.0
 @dataclass(frozen=True)
 class Request:
     """Request for a flight. ``record_to``: folder, or None; ``blocks`` of the recording; ``quiet``: no display;
-    ``say`` takes one line a step; ``cache``: folder for the vehicle's tables."""
+    ``say`` takes one line a step; ``cache``: folder for the vehicle's tables; ``confirm`` is called before the vehicle
+    is armed, and raises to refuse."""
 
     spec: PathSpec
     pilot: Pilot
@@ -49,6 +51,7 @@ class Request:
     say: Callable[[str], None] = lambda text: None
     cache: Path | None = None
     clock: Clock = HOST
+    confirm: Callable[[], None] = lambda: None
 
 
 @dataclass(frozen=True)
@@ -90,8 +93,8 @@ def fly_session(request: Request) -> Result:
         stack.callback(feed.close)
         feed.start()
         ready = Preparation(link, feed.track, clock, request.limits, request.source.name, feed.switch,
-                            request.say).run(request.pilot, lambda place, yaw: Plan(request.spec, place, yaw),
-                                             request.yaw_rad)
+                            request.say, request.confirm).run(
+            request.pilot, lambda place, yaw: Plan(request.spec, place, yaw), request.yaw_rad)
         watch = Watch(link, quiet=request.quiet)
         listeners: list[Listener] = [watch]
         if request.record_to is not None:
@@ -105,7 +108,9 @@ def fly_session(request: Request) -> Result:
         flight = Flight(link, feed.track, request.pilot, ready, request.limits, clock, tuple(listeners), feed.sent,
                         ground_s=GROUND_S, gate=feed.gate, feed=feed.switch)
         watch.beat_of = lambda: flight.pacer.beat
-        with watch:
+        keys = (space_stops(lambda: flight.interrupts.stop("space bar")) if clock.real
+                else nullcontext())
+        with watch, keys:
             outcome = flight.run()
         if recorder is not None:
             if not outcome.left:
