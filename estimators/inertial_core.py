@@ -23,6 +23,8 @@ P, V, Q, BA, BG, MOUNT, SLOPE, AIR, LATE, WANDER = 0, 3, 6, 10, 13, 16, 19, 20, 
 - delay of the vehicle's timestamps and its wander."""
 
 STATE, ERROR = 24, 23
+NOMINAL_S = 0.01
+"""Between poses, for which the SDs of their attitude are meant."""
 _P, _V, _T, _BA, _BG, _M, _S, _A, _L, _W = 0, 3, 6, 9, 12, 15, 18, 19, 21, 22
 """The same in the error state (23,), where attitude has three."""
 
@@ -43,13 +45,14 @@ NAMES = (
     "mount_walk",                                       # rad per root second
     "start_position_sd",                                # m, of the first pose
     "change_s",                                         # s over which a signal's slope is taken (stamp_noise)
+    "tilt_s",                                           # s over which errors of a pose's attitude are correlated
 )
 DEFAULTS = setting("estimators.inertial_core.defaults")
 SETTINGS = {name: DEFAULTS[name] for name in NAMES}
 (GYRO_NOISE, ACC_NOISE, GYRO_WALK, ACC_WALK, POSITION_SD, ROLL_PITCH_SD, YAW_SD, DRAG, DRAG_CROSS, DRAG_QUADRATIC,
  DRAG_SD, AIR_SD, AIR_S, SLOPE_MEAN, SLOPE_SD, LATE_SD, WANDER_SD, WANDER_S,
  START_TILT_SD, START_VELOCITY_SD, ACC_BIAS_SD, GYRO_BIAS_SD, MOUNT_SD, ACC_BIAS_Z_SD, VERTICAL_NOISE, PITCH_SD,
- LIFT_BIAS_SD, LATE_MOVES, STAMP, DRAWN, MOUNT_WALK, START_POSITION_SD, CHANGE_S) = range(len(NAMES))
+ LIFT_BIAS_SD, LATE_MOVES, STAMP, DRAWN, MOUNT_WALK, START_POSITION_SD, CHANGE_S, TILT_S) = range(len(NAMES))
 
 
 @nb.njit(cache=True)
@@ -99,6 +102,14 @@ def stamp_noise(time_s: np.ndarray, acc: np.ndarray, gyro: np.ndarray, i: int, b
     turn = ((gyro[i, 0] - gyro[back_row, 0]) ** 2 + (gyro[i, 1] - gyro[back_row, 1]) ** 2
             + (gyro[i, 2] - gyro[back_row, 2]) ** 2) / 3.0 * square
     return level, upright, turn
+
+
+@nb.njit(cache=True)
+def tilt_factor(pose_s: np.ndarray, j: int, tilt_s: float) -> float:
+    """Factor on the variance of roll and pitch of pose j. Their errors are correlated over ``tilt_s``, so that poses
+    in quick succession count as fewer. 1 for poses 10 ms apart, for which the SDs are meant."""
+    apart_s = max(pose_s[j] - pose_s[j - 1], 1e-3) if j > 0 else 1.0
+    return (1.0 + tilt_s / apart_s) / (1.0 + tilt_s / NOMINAL_S)
 
 
 @nb.njit(cache=True)
@@ -313,7 +324,8 @@ def run(stamps_s: np.ndarray, time_s: np.ndarray, acc: np.ndarray, gyro: np.ndar
                 if settings[WANDER_SD] > 0.0:
                     h[_W] = gyro[i, k] - state[BG + k]
                 sd = settings[YAW_SD] if k == 2 else (settings[PITCH_SD] if k == 1 else settings[ROLL_PITCH_SD])
-                _scalar(cov, x, h, off[k] - state[MOUNT + k], sd ** 2, ph, gain)
+                less = 1.0 if k == 2 else tilt_factor(pose_s, j, settings[TILT_S])
+                _scalar(cov, x, h, off[k] - state[MOUNT + k], sd ** 2 * less, ph, gain)
         if drag > 0.0 or len(measured) > 0:
             bv = np.empty(3)
             for k in range(3):

@@ -50,7 +50,7 @@ START = {
     "yaw_sd": 0.179, "mount_sd": 0.3, "mount_walk": 0.00136, "drag": 0.4, "drag_cross": 0.0, "drag_quadratic": 0.0,
     "drag_sd": 0.282, "air_sd": 0.00195, "air_s": 1.15, "slope_mean": 0.00085, "slope_sd": 0.0005, "late_sd": 0.0143,
     "wander_sd": 0.0033, "wander_s": 0.367, "acc_bias_sd": 0.1, "acc_bias_z_sd": 0.3, "lift_bias_sd": 0.0253,
-    "start_tilt_sd": 0.1, "start_velocity_sd": 0.5, "gyro_bias_sd": 0.03,
+    "start_tilt_sd": 0.1, "start_velocity_sd": 0.5, "gyro_bias_sd": 0.03, "tilt_s": 0.1,
 }
 """Of an earlier search for ``drag_matrix_ekf``, on nine circles and trefoils."""
 SPAN = 30.0

@@ -23,6 +23,7 @@ from nanobench_tools.settings import count, number
 
 from ..drag_ekf import TUNED
 from ..imu_noise import ImuNoise
+from ..inertial_core import tilt_factor
 from .aided_batch import GtsamAided, drag
 from .batch import NOISE, UNKNOWN_SD_M, VELOCITY_SD_M_S
 from .factor_graph import CHANGE_S, LIFT_SD_M_S2, Linear, load, params_of
@@ -36,6 +37,9 @@ LAG_S = number("smoothers.fixed_lag.lag_s")
 
 POSE_SD_M, ATTITUDE_SD_RAD = TUNED["position_sd"], [TUNED[axis] for axis in ("roll_pitch_sd", "pitch_sd", "yaw_sd")]
 """Disagreement of a pose and the IMU in addition to the given noise, as in ``drag_ekf``."""
+
+FIRST_POSES = 6
+"""Whose intervals show how often poses come."""
 
 WAIT_S = number("smoothers.fixed_lag.wait_s")
 
@@ -84,6 +88,8 @@ class _Run:
         self.lift_s = rows.time_s[rows.lift].tolist()
         position_sd_m = UNKNOWN_SD_M if np.isnan(rows.noise_m) else rows.noise_m
         self.pose_sd = np.array([np.hypot(position_sd_m, POSE_SD_M)] * 3 + ATTITUDE_SD_RAD)
+        apart_s = max(float(np.median(np.diff(rows.pose_s[:FIRST_POSES]))), NEAR_S)
+        self.pose_sd[3:5] *= np.sqrt(tilt_factor(np.array([0.0, apart_s]), 1, TUNED["tilt_s"]))
         self.turns = [self.gtsam.Rot3(r) for r in so3.matrix(rows.quaternion)]
         middle, self.step_s = 0.5 * (self.values[1:] + self.values[:-1]), np.diff(rows.time_s).tolist()
         self.variances = np.zeros((3, 3)), np.zeros((3, 3))

@@ -268,3 +268,27 @@ def test_missing_packets_tell_how_late_rows_are(flight):
     assert not late[:1002].any()
     assert late[1006] > 0.02
     assert abs(late[1400]) < 0.02
+
+
+def test_attitudes_in_quick_succession_count_as_fewer():
+    """Errors correlated over 0.3 s: ten poses 10 ms apart say little more than one; at 10 ms the SDs are as they were
+    set, and without a correlation at any interval."""
+    times = np.array([0.0, 0.01, 0.11])
+    assert inertial_core.tilt_factor(times, 1, 0.3) == pytest.approx(1.0)
+    assert inertial_core.tilt_factor(times, 2, 0.3) == pytest.approx((1.0 + 3.0) / (1.0 + 30.0))
+    assert inertial_core.tilt_factor(times, 2, 0.0) == 1.0
+    white, together = (0.1 * inertial_core.tilt_factor(times, j, 0.3) for j in (1, 2))
+    assert white / 10.0 < together < 3.5 * white / 10.0
+
+
+def test_fewer_poses_say_as_much_of_the_tilt_as_many(case):
+    """SYNTHETIC: with a correlation, ten times as many poses do not make the stated tilt three times as sure."""
+    class Apart(DragMatrixEkf):
+        settings: ClassVar = {**DragMatrixEkf.settings, "tilt_s": 0.0}
+
+    def tilt_sd(row, rate_hz):
+        found = row().estimate(aided.given_to(case, aided.Aiding(rate_hz=rate_hz, delay_s=0.0, noise_m=0.001)))
+        return float(np.sqrt(np.median(found.covariance[-500:, 6, 6])))
+
+    ratio, white = (tilt_sd(row, 10.0) / tilt_sd(row, 100.0) for row in (DragMatrixEkf, Apart))
+    assert ratio < white
