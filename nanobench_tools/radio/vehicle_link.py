@@ -134,6 +134,14 @@ class CflibLink:
         close(self._cf, motors_off=not int(self._last.get("supervisor.info", 0)) & FLYING)
 
     @property
+    def udp_port(self) -> int:
+        """Local port of a link over UDP, 0 for others."""
+        try:
+            return int(self._cf.link.socket.getsockname()[1]) if self.uri.startswith("udp://") else 0
+        except (AttributeError, OSError):
+            return 0
+
+    @property
     def version(self) -> int:
         return int(self._cf.platform.get_protocol_version())
 

@@ -18,6 +18,7 @@ from ..record_export import Exported, export
 from ..recorder import Recorder, check_folder, recording_name
 from ..vehicle_link import check_uri, open_link
 from .checklist import check_tables, health_blocks
+from .companion import companion
 from .flight_plan import Plan
 from .keys import space_stops
 from .mission import Flight
@@ -86,6 +87,7 @@ def fly_session(request: Request) -> Result:
     recorder: Recorder | None = None
     with ExitStack() as stack:
         clock = request.clock
+        helper = stack.enter_context(companion(request.uri)) if clock.real else None
         link = stack.enter_context(open_link(request.uri, clock, request.cache))
         check_tables(request.uri, set(link.log_types), link.parameters)
         running = link.start_blocks([*health_blocks(), *(request.blocks if request.record_to is not None else ())])
@@ -95,8 +97,11 @@ def fly_session(request: Request) -> Result:
         ready = Preparation(link, feed.track, clock, request.limits, request.source.name, feed.switch,
                             request.say, request.confirm).run(
             request.pilot, lambda place, yaw: Plan(request.spec, place, yaw), request.yaw_rad)
+        if helper is not None:
+            helper.port(link.udp_port)
+            helper.ground_m = float(ready.pose.position_m[2])
         watch = Watch(link, quiet=request.quiet)
-        listeners: list[Listener] = [watch]
+        listeners: list[Listener] = [watch, *([helper] if helper is not None else [])]
         if request.record_to is not None:
             name = recording_name([request.spec.trajectory_id, request.pilot.name], clock.now())
             recorder = Recorder(request.record_to, name, link, running, sheet_of(request), clock)
