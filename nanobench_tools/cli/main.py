@@ -44,6 +44,8 @@ VERBS: dict[str, tuple[str, str]] = {
                  "nanobench simulate --flights 20 --out practice"),
     "fly": ("Fly a real or simulated Crazyflie, under safety rules.",
             "nanobench fly --controller geometric --speed 1.0 --dry-run"),
+    "stop": ("Stop the motors of a vehicle at once, from another terminal.",
+             "nanobench stop radio://0/80/2M/E7E7E7E7E7"),
     "record": ("Record a vehicle over its link, packet by packet.",
                "nanobench record --uri URI --seconds 10 --out flights"),
     "convert": ("Recordings or a simulator.toml into another format.",

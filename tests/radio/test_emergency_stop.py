@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 import time
 
 import pytest
 from toy_vehicle import Notes, Toy
 
 from nanobench_tools.cli import fly as cli_fly
+from nanobench_tools.cli.main import main
 from nanobench_tools.errors import UsageError
 from nanobench_tools.radio.fly.keys import space_stops
 from nanobench_tools.radio.fly.mission import STOP_S, Flight
 from nanobench_tools.radio.fly.pilot import OnboardPilot
 from nanobench_tools.radio.fly.safety import Limits
+from nanobench_tools.radio.fly.stop_socket import listening, request_stop
 
 IN_PATH = 107.5
 
@@ -135,3 +138,28 @@ def test_a_script_needs_yes_for_a_real_vehicle_and_not_for_a_simulated_one(monke
         cli_fly.confirmation(RADIO, False, False)
     cli_fly.confirmation(RADIO, False, True)()
     cli_fly.confirmation("udp://127.0.0.1:19850", True, False)()
+
+
+def test_nanobench_stop_from_another_terminal_stops_the_motors(capsys):
+    toy = Toy()
+    flown, _ = flight(toy)
+
+    def other_terminal() -> None:
+        threading.Thread(target=lambda: main(["stop", "udp://127.0.0.1:1", "--quiet"]), daemon=True).start()
+        until = time.monotonic() + 20.0
+        while time.monotonic() < until:
+            time.sleep(0.01)  # the flight's thread is woken here
+
+    toy.at.append((IN_PATH, other_terminal))
+    with listening("udp://127.0.0.1:1", lambda: flown.interrupts.stop("nanobench stop")):
+        outcome = flown.run()
+    assert outcome.stop.reason.startswith("nanobench stop; ")
+    assert not toy.motors
+    assert not request_stop("udp://127.0.0.1:1")
+
+
+def test_a_stop_that_nothing_answers_is_an_error(capsys, monkeypatch):
+    pytest.importorskip("cflib")
+    monkeypatch.setattr("nanobench_tools.radio.fly.companion.STOP_S", 0.2)
+    assert main(["stop", "udp://127.0.0.1:9"]) == 2
+    assert "nothing answered" in capsys.readouterr().err

@@ -18,6 +18,8 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlparse
 
+from ...errors import MissingExtraError
+
 if TYPE_CHECKING:
     import numpy as np
 
@@ -26,7 +28,9 @@ if TYPE_CHECKING:
 LAND_S, EVERY_S = 4.0, 0.05
 LANDING_M_S, SHORTEST_S = 0.35, 1.5
 ON_THE_GROUND = ("ground", "landed")
-GENERIC, HIGH_LEVEL, LOCALIZATION, LAND = 7, 8, 6, 8
+GENERIC, HIGH_LEVEL, LOCALIZATION, ECHO = 7, 8, 6, 15
+LAND, EMERGENCY_STOP = 8, 3
+STOP_S = 2.0
 
 
 class Companion:
@@ -108,6 +112,17 @@ def send_for(uri: str, what: list[tuple[int, int, bytes]], seconds: float, port:
     if driver is not None:
         driver.close()
     return heard
+
+
+def send_stop(uri: str) -> bool:
+    """An emergency stop over a new link. Raises MissingExtraError without cflib."""
+    try:
+        import cflib.crtp
+    except ImportError:
+        raise MissingExtraError("cflib", "radio") from None
+    if not cflib.crtp.CLASSES:
+        cflib.crtp.init_drivers()
+    return send_for(uri, [(LOCALIZATION, 1, bytes([EMERGENCY_STOP])), (ECHO, 0, bytes(9))], STOP_S)
 
 
 class _Udp:

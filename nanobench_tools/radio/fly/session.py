@@ -27,6 +27,7 @@ from .pilot import Pilot
 from .pose_feed import Feed
 from .prepare import Preparation, Ready
 from .safety import Limits
+from .stop_socket import listening
 from .watch import Watch
 
 HOST = HostClock()
@@ -115,7 +116,9 @@ def fly_session(request: Request) -> Result:
         watch.beat_of = lambda: flight.pacer.beat
         keys = (space_stops(lambda: flight.interrupts.stop("space bar")) if clock.real
                 else nullcontext())
-        with watch, keys:
+        requests = (listening(request.uri, lambda: flight.interrupts.stop("nanobench stop")) if clock.real
+                    else nullcontext())
+        with watch, keys, requests:
             outcome = flight.run()
         if recorder is not None:
             if not outcome.left:
