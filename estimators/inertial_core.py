@@ -106,8 +106,8 @@ def stamp_noise(time_s: np.ndarray, acc: np.ndarray, gyro: np.ndarray, i: int, b
 
 @nb.njit(cache=True)
 def tilt_factor(pose_s: np.ndarray, j: int, tilt_s: float) -> float:
-    """Factor on the variance of roll and pitch of pose j. Their errors are correlated over ``tilt_s``, so that poses
-    in quick succession count as fewer. 1 for poses 10 ms apart, for which the SDs are meant."""
+    """Factor on the variance of roll and pitch of pose j; 1 for poses 10 ms apart, for which the SDs are meant. Errors
+    are correlated over ``tilt_s``, so that poses in quick succession count as fewer."""
     apart_s = max(pose_s[j] - pose_s[j - 1], 1e-3) if j > 0 else 1.0
     return (1.0 + tilt_s / apart_s) / (1.0 + tilt_s / NOMINAL_S)
 
