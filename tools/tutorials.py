@@ -146,6 +146,8 @@ def gallery() -> str:
         cards.append(f"<div markdown>\n{pictures}\n\n[{title[1]}]({place}{name}.md)\n</div>")
     return ("# Gallery\n\nEvery example is a script that runs with the package alone, on SYNTHETIC flights. The\n"
             "extras `report` and `identification` are needed, `mpc` and `control` for MPC and the linear model.\n\n"
+            "On real flights: [public simulators that shipped wrong](shipped/index.md), before and after their\n"
+            "correction.\n\n"
             f'<div class="cards" markdown>\n{chr(10).join(cards)}\n</div>\n')
 
 

@@ -65,7 +65,8 @@ class ShippedErrors(Result):
 class ShippedScore(Result):
     """One case.
 
-    - shown: largest rise of a prediction error over that of the corrected simulator; visible: by a quarter or more.
+    - shown: largest rise of a prediction error over that of the corrected simulator; visible: by a quarter or more,
+      or the answer is no effect.
     - named: terms identified in the simulator as shipped; also: in the corrected one.
     - false: identified as shipped and not part of the known error. What is identified in the corrected or the nominal
       simulator, too, is not counted.
@@ -103,7 +104,7 @@ def score_shipped(case: ShippedCase, models: tuple[Model | None, Model], answers
         again = tuple(f["term"] for f in after.findings if not class_of(f).isdisjoint(mine))
     else:
         again = tuple(f["term"] for f in after.findings if class_of(f).isdisjoint(in_nominal))
-    visible = shown is None or shown >= VISIBLE
+    visible = case.answer != EFFECT or shown is None or shown >= VISIBLE
     identified, why = _identified(case, before, known)
     sizes = [k.inside for k in known if k.inside is not None]
     sized = all(sizes) if sizes else None
