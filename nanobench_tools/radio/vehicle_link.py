@@ -37,6 +37,9 @@ FLYING = 1 << 4
 ECHO_MARK = 1
 """First byte of our echoes; cflib's have 0."""
 
+ALARMS = ("assert", "out of bounds, resetting", "brownout", "i2c bus error", "sensors: fail", "self test [fail]")
+"""Parts of console lines of firmware 2025.12.1, in lower case, after which a flight should not go on."""
+
 LogSink = Callable[[int, float, bytes], None]
 """(number of the block, host time, tick and values as they came)."""
 
@@ -44,7 +47,7 @@ LogSink = Callable[[int, float, bytes], None]
 class Link(Protocol):
     """``uri``; ``lost``: why the link is gone, "" while it is up; ``heard_s``: host time of the last packet;
     ``round_trips_s``: the last echoes; ``values``: last value of each logged variable, ``logged_s``: the host time at
-    which it came."""
+    which it came; ``alarm``: the first console line that reports a failure, "" without."""
 
     uri: str
     lost: str
@@ -52,6 +55,7 @@ class Link(Protocol):
     round_trips_s: deque[float]
     values: Mapping[str, float]
     logged_s: Mapping[str, float]
+    alarm: str
 
     def send_setpoint(self, packet: bytes) -> None: ...
 
@@ -92,8 +96,10 @@ class CflibLink:
         self._layouts: list[struct.Struct] = []
         self._complete = threading.Event()
         self._failed = ""
+        self.alarm, self._console = "", ""
         self._cf = crazyflie(cache, self._on_lost)
         self._cf.connection_failed.add_callback(self._on_failed)
+        self._cf.console.receivedChar.add_callback(self._on_console)
         self._cf.fully_connected.add_callback(lambda _: self._complete.set())
         self._cf.add_header_callback(self._on_log, LOG, 2)
         self._cf.add_header_callback(self._on_echo, ECHO, 0)
@@ -211,6 +217,10 @@ class CflibLink:
             self.round_trips_s.append(now - requested)
             if self.on_echo is not None:
                 self.on_echo(now, requested)
+
+    def _on_console(self, text: str) -> None:
+        *lines, self._console = (self._console + text).split("\n")
+        self.alarm = self.alarm or next((line for line in lines if any(w in line.lower() for w in ALARMS)), "")
 
     def _on_failed(self, _: str, why: str) -> None:
         self._failed = why.strip().splitlines()[0] if why.strip() else "failed"

@@ -28,7 +28,7 @@ from nanobench_tools.radio.packets import PacketWriter
 
 HERE = Path(__file__).parent
 IN_PATH = 109.0
-WIDE = Limits((-9.0, 9.0) * 3, speed_m_s=50.0, stale_s=60.0, silent_s=60.0, late_ticks=10**6)
+WIDE = Limits((-999.0, 999.0) * 3, speed_m_s=50.0, stale_s=60.0, silent_s=60.0, late_ticks=10**6)
 """Of a flight that does not end because this machine has other things to do."""
 
 

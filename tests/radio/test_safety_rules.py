@@ -14,7 +14,7 @@ from nanobench_tools.errors import UsageError
 from nanobench_tools.radio.fly import flight_plan, setpoint_packets
 from nanobench_tools.radio.fly.mission import Flight
 from nanobench_tools.radio.fly.pilot import OnboardPilot
-from nanobench_tools.radio.fly.safety import Limits, LowBattery, Situation
+from nanobench_tools.radio.fly.safety import HardFence, Limits, LowBattery, Situation
 from nanobench_tools.radio.fly.safety_handover import place_to_hold
 
 IN_PATH = 106.5
@@ -106,6 +106,8 @@ def late(toy: Toy) -> OnboardPilot:
     slow_case("tilt", lambda toy: setattr(toy, "quaternion", so3.from_euler_zyx(0.0, 1.0, 0.0))),
     ("low battery", lambda toy: toy.values.update({"pm.vbat": 2.7})),
     slow_case("supervisor", lambda toy: toy.values.update({"supervisor.info": 1 << 7})),
+    ("console", lambda toy: setattr(toy, "alarm", "ESTKALMAN: State out of bounds, resetting")),
+    ("slow link", lambda toy: toy.round_trips_s.extend([0.4] * 10)),
     slow_case("silent log", lambda toy: setattr(toy, "unlogged", True)),
 ])
 def test_a_fault_of_the_vehicle_its_link_or_the_poses_ends_the_flight_on_the_ground(rule, fault):
@@ -194,6 +196,34 @@ def test_dips_of_the_battery_under_load_are_none():
     said = [rule.check(Situation(time_s=0.01 * k, battery_V=2.8 if k % 4 == 0 else 3.3)) for k in range(400)]
     assert not any(said)
     assert any(rule.check(Situation(time_s=4.0 + 0.01 * k, battery_V=2.8)) for k in range(300))
+
+
+def test_a_battery_that_will_be_empty_before_it_is_home_ends_the_flight_sooner():
+    def first_s(home_s: float) -> float:
+        rule = LowBattery(3.0)
+        return next(t for t in np.arange(0.0, 100.0, 0.01)
+                    if rule.check(Situation(time_s=t, battery_V=3.6 - 0.01 * t, home_s=home_s)))
+
+    assert 60.5 < first_s(0.0) < 61.5
+    assert first_s(0.0) - first_s(10.0) == pytest.approx(10.0, abs=0.5)
+
+
+def test_a_vehicle_too_fast_to_stop_before_the_hard_fence_is_stopped_inside():
+    rule = HardFence(*Limits().fence)
+    place = np.array([1.7, 0.0, 1.0])
+    assert not rule.check(Situation(position_m=place, velocity_m_s=np.array([1.0, 0.0, 0.0])))
+    assert "outside the hard fence" in rule.check(Situation(position_m=place, velocity_m_s=np.array([2.9, 0.0, 0.0])))
+    assert not rule.beyond(Situation(position_m=np.array([2.9, 0.0, 1.0])))
+    assert rule.beyond(Situation(position_m=np.array([3.1, 0.0, 1.0])))
+
+
+def test_beyond_the_hard_fence_the_motors_stop():
+    toy = Toy()
+    outcome, _ = flown(failing(toy, lambda: setattr(toy, "drift_m_s", np.array([2.4, 0.0, 0.0]))))
+    assert outcome.stop.rule == "emergency stop"
+    assert "outside the hard fence" in outcome.stop.reason
+    assert not toy.motors
+    assert toy.place[0] < 2.0 + HardFence.HARD_M + 0.1
 
 
 def test_the_place_to_hold_lies_inside_the_fence_and_above_the_ground():

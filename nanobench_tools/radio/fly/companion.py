@@ -107,6 +107,9 @@ def send_for(uri: str, what: list[tuple[int, int, bytes]], seconds: float, port:
                 driver.send_packet(packet)
             heard = driver.receive_packet(EVERY_S) is not None or heard
         except Exception:  # the radio is not free yet: the process that died had it
+            if driver is not None:
+                with suppress(Exception):
+                    driver.close()
             driver = None
         time.sleep(EVERY_S)
     if driver is not None:

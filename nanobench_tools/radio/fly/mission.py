@@ -24,7 +24,7 @@ from .pose_physics import PosePhysics
 from .pose_tracker import Believed, PoseTrack
 from .prepare import Ready
 from .safety import Limits, Situation, Stop, first_stop
-from .safety_handover import command_landing, hand_over, land, place_to_hold
+from .safety_handover import AFTER_S, LANDING_M_S, command_landing, hand_over, land, place_to_hold
 
 HANG_S = 0.25
 """After so long in one call the guardian takes the flight from a controller."""
@@ -34,7 +34,7 @@ GROUND, LANDED = "ground", "landed"
 GROUND_M = 0.03
 STILL_S, WRITTEN_S = 4.0, 0.2
 """Maximum wait for motors that do not turn; and for the recording's writer, if the program ends at once."""
-ECHO_S = 0.1
+ECHO_S, RECENT_TRIPS = 0.1, 5
 STOP_S, STOP_AGAIN_S = 5.0, 0.02
 """An emergency stop is repeated until the vehicle reports that it is locked, so long at most."""
 LOW_M, OFF_TIMES = 0.3, 25
@@ -61,6 +61,7 @@ class Flight:
         self.plan: Plan = ready.plan
         self.ground_m = float(ready.pose.position_m[2])
         self.rules = safety.rules(limits)
+        self._hard = safety.HardFence(*limits.fence)
         self.interrupts = Interrupts()
         self.ground_s = ground_s
         self._gate, self._feed = gate or PoseGate(), feed
@@ -170,6 +171,10 @@ class Flight:
         now.astray_m = float(np.linalg.norm(astray(link, believed, host)))
         now.pose_fault = self._gate.why or now.pose_fault or self._physics.check(believed, link.values, link.logged_s,
                                                                                  host)
+        now.home_s = max(self._height() - self.ground_m, 0.0) / LANDING_M_S + AFTER_S
+        trips = list(link.round_trips_s)[-RECENT_TRIPS:]
+        now.trip_s = float(np.median(trips)) if trips else 0.0
+        now.alarm = link.alarm
         now.late_ticks = self.pacer.beat.late_in_a_row
         now.interrupted = self.interrupts.requested
         self._request_echo()
@@ -367,6 +372,17 @@ class Flight:
         self._alive()
         self._request_echo()
         self._report(self._now.time_s, None)
+        self._cut_outside()
+
+    def _cut_outside(self) -> None:
+        """A vehicle that gets beyond the hard fence while it should land: its motors stop."""
+        believed = self._seen()
+        if believed is None or self._taken() or self._phase in (GROUND, LANDED):
+            return
+        self._now.position_m = believed.position_m
+        if why := self._hard.beyond(self._now):
+            self.interrupts.emergency = why
+            raise KeyboardInterrupt
 
     def _alive(self) -> None:
         if self._guardian is not None:

@@ -6,6 +6,7 @@ one class here and one line in ``rules``.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -33,6 +34,8 @@ class Situation:
     - below_m: height below the set-point, 0 above it.
     - health_age_s: since the last battery or supervisor value.
     - pose_fault: why the poses are not believed, in words.
+    - home_s: time that landing from here takes; trip_s: median of the last round trips of the link.
+    - alarm: console line of the vehicle that reports a failure.
     - astray_m: between the vehicle's own estimate and the poses, nan if unknown."""
 
     time_s: float = 0.0
@@ -52,6 +55,9 @@ class Situation:
     health_age_s: float = 0.0
     astray_m: float = float("nan")
     pose_fault: str = ""
+    home_s: float = 0.0
+    trip_s: float = 0.0
+    alarm: str = ""
 
 
 class Rule(Protocol):
@@ -148,6 +154,57 @@ class Geofence:
         return f"{'xyz'[axis]} = {now.position_m[axis]:.2f} m, the fence is at {limit:.2f} m"
 
 
+class HardFence:
+    """HARD_M outside the fence the motors stop: a vehicle that got there obeys nobody. ``check`` is for a vehicle that
+    is still inside and could not brake before it; ``beyond`` is the hard fence itself."""
+
+    name = "braking distance"
+    HARD_M, DELAY_S, BRAKE_M_S2 = 1.0, 0.1, 3.0
+
+    def __init__(self, least_m: np.ndarray, most_m: np.ndarray) -> None:
+        self.least_m, self.most_m = least_m - self.HARD_M, most_m + self.HARD_M
+
+    def _outside_m(self, place_m: np.ndarray) -> float:
+        return float(np.maximum(self.least_m - place_m, place_m - self.most_m).max())
+
+    def check(self, now: Situation) -> str:
+        speed = now.velocity_m_s
+        rests_m = now.position_m + self.DELAY_S * speed + speed * np.abs(speed) / (2.0 * self.BRAKE_M_S2)
+        rests_m[2] = max(rests_m[2], self.least_m[2])  # the ground is below
+        if not self._outside_m(rests_m) > 0.0:
+            return ""
+        return (f"at {np.linalg.norm(speed):.1f} m/s it would come to rest {self._outside_m(rests_m):.2f} m outside "
+                "the hard fence")
+
+    def beyond(self, now: Situation) -> str:
+        outside = self._outside_m(np.maximum(now.position_m, [-np.inf, -np.inf, self.least_m[2]]))
+        return f"{outside:.2f} m outside the hard fence" if outside > 0.0 else ""
+
+
+class SlowLink:
+    """Round trips are slow for FOR_S: set-points come late, and a landing may be needed while it still works."""
+
+    name = "slow link"
+    MOST_S, FOR_S = 0.25, 1.0
+
+    def __init__(self) -> None:
+        self._time_s = self._slow_s = 0.0
+
+    def check(self, now: Situation) -> str:
+        step, self._time_s = max(now.time_s - self._time_s, 0.0), now.time_s
+        self._slow_s = self._slow_s + step if now.trip_s > self.MOST_S else 0.0
+        return f"round trips take {1000.0 * now.trip_s:.0f} ms" if self._slow_s > self.FOR_S else ""
+
+
+class ConsoleAlarm:
+    """The vehicle reports a failure on its console."""
+
+    name = "console"
+
+    def check(self, now: Situation) -> str:
+        return f"the vehicle reports {now.alarm!r}" if now.alarm else ""
+
+
 class Tilt:
     name = "tilt"
 
@@ -171,15 +228,26 @@ class Speed:
 
 
 class LowBattery:
-    """The mean of the last second is low: single dips under load are none. The first second is not judged."""
+    """The mean of the last second is low, or will be before the vehicle has landed, as it falls now. Single dips under
+    load do not count, and the first second is not judged."""
 
     name = "low battery"
-    MEAN_S = 1.0
+    MEAN_S, TREND_S = 1.0, 10.0
 
     def __init__(self, least_V: float) -> None:
         self.least_V = least_V
         self._mean_V: float | None = None
         self._time_s = self._known_s = 0.0
+        self._means: deque[tuple[float, float]] = deque()
+
+    def _lost_V(self, home_s: float) -> float:
+        """What the way home takes, by the trend of the last TREND_S; 0 before so much is known."""
+        means = self._means
+        while means and means[-1][0] - means[0][0] > self.TREND_S + 1e-6:
+            means.popleft()
+        if not means or means[-1][0] - means[0][0] < self.TREND_S - self.MEAN_S:
+            return 0.0
+        return max(means[0][1] - means[-1][1], 0.0) / (means[-1][0] - means[0][0]) * home_s
 
     def check(self, now: Situation) -> str:
         step, self._time_s = max(now.time_s - self._time_s, 0.0), now.time_s
@@ -188,7 +256,14 @@ class LowBattery:
         self._mean_V = old + min(step / self.MEAN_S, 1.0) * (now.battery_V - old)
         if self._known_s < self.MEAN_S and np.isfinite(now.battery_V):
             return ""
-        return f"{self._mean_V:.2f} V, the limit is {self.least_V:.2f}" if not self._mean_V >= self.least_V else ""
+        if not self._mean_V >= self.least_V:
+            return f"{self._mean_V:.2f} V, the limit is {self.least_V:.2f}"
+        self._means.append((now.time_s, self._mean_V))
+        lost = self._lost_V(now.home_s)
+        if self._mean_V - lost >= self.least_V:
+            return ""
+        return (f"{self._mean_V:.2f} V, and the way home of {now.home_s:.0f} s takes {lost:.2f} V; the limit is "
+                f"{self.least_V:.2f}")
 
 
 class Sinks:
@@ -277,8 +352,10 @@ class VehicleStopped:
 def rules(limits: Limits) -> tuple[Rule, ...]:
     """All of them; the first that has a reason ends the flight."""
     return (Interrupted(), LostLink(limits.silent_s), VehicleStopped(), PosesDisagree(), StalePose(limits.stale_s),
-            ControllerFailed(), Overrun(limits.overrun_s, limits.late_ticks), Geofence(*limits.fence),
-            Tilt(limits.tilt_deg), Speed(limits.speed_m_s), LowBattery(limits.battery_V), Sinks(), Unheard(), Astray())
+            ConsoleAlarm(), ControllerFailed(), Overrun(limits.overrun_s, limits.late_ticks),
+            HardFence(*limits.fence), Geofence(*limits.fence),
+            Tilt(limits.tilt_deg), Speed(limits.speed_m_s), LowBattery(limits.battery_V), Sinks(), Unheard(),
+            SlowLink(), Astray())
 
 
 @dataclass(frozen=True)
