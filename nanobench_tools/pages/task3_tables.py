@@ -191,8 +191,8 @@ def task3_attribution(attribution: Mapping[str, Any]) -> list[Table]:
 
 def onboard_parameters(tuning: Mapping[str, Any]) -> Table:
     """Parameters of the onboard filter to set."""
-    low, high = zip(*tuning["drag"]["ci95"], strict=True)
-    within = {f"kalman.dragB_{axis}": f"{a:.3f} .. {b:.3f}" for axis, a, b in zip("xy", low, high, strict=True)}
+    ends = zip("xy", tuning["drag"]["ci95"] or (), strict=False)
+    within = {f"kalman.dragB_{axis}": f"{low:.3f} .. {high:.3f}" for axis, (low, high) in ends}
     rows = [(name, f"{value:g}", within.get(name, "")) for name, value in tuning["parameters"].items()
             if not name.startswith("kalman.cop") or value]
     flown = tuning["flown"]

@@ -19,7 +19,7 @@ from ..errors import InputError
 from ..flight import Flight
 from ..flight import mask_of as inside
 from ..methods import Estimate, Estimator
-from ..metrics.statistics import Labels, PairedRatio, Summary, paired_ratio, refit_weights, session_count
+from ..metrics.statistics import Labels, PairedRatio, Summary, paired_ratio, session_count, weights
 from ..results.result import INLINE, OPTIONAL, Result
 from ..settings import number
 from ..signals.onboard_estimate import OnboardEkf
@@ -126,11 +126,13 @@ def drag_sums(case: Case) -> DragSums:
 
 @dataclass(frozen=True, repr=False)
 class Drag(Result):
-    """1/s along body x and y with their intervals, and the height of the centre of pressure [m] that the same
-    regression finds. Negative pressure_z_m: below, in the firmware's sign."""
+    """1/s along body x and y, and the height of the centre of pressure [m] that the same regression finds.
+
+    ci95: intervals; None where the flights are of one session. Negative pressure_z_m: below, in the firmware's sign.
+    """
 
     drag_1_s: tuple[float, float]
-    ci95: Sequence[tuple[float, float]]
+    ci95: Sequence[tuple[float, float]] | None
     pressure_z_m: float
     n: int
 
@@ -146,12 +148,13 @@ def fit_drag(sums: Sequence[DragSums], sessions: Labels = None, seed: int = 0) -
                          "record a figure 8 or a circle at 0.5 m/s or more")
     left, right = np.stack([one.left for one in sums]), np.stack([one.right for one in sums])
     drag, pressure = _solved(left.sum(axis=0), right.sum(axis=0))
-    weights = refit_weights(len(sums), sessions, seed) if len(sums) > 1 else np.ones((1, 1))
-    drawn = [_solved(np.tensordot(w, left, 1), np.tensordot(w, right, 1))[0] for w in weights
+    found = (float(drag[0]), float(drag[1]))
+    if (draws := weights(len(sums), sessions, seed)) is None:
+        return Drag(found, None, pressure, len(used))
+    drawn = [_solved(np.tensordot(w, left, 1), np.tensordot(w, right, 1))[0] for w in draws
              if (np.tensordot(w, left, 1)[:, 0, 0] > 0.0).all()]
     low, high = np.percentile(drawn, [2.5, 97.5], axis=0)
-    return Drag((float(drag[0]), float(drag[1])), [(float(a), float(b)) for a, b in zip(low, high, strict=True)],
-                pressure, len(used))
+    return Drag(found, [(float(a), float(b)) for a, b in zip(low, high, strict=True)], pressure, len(used))
 
 
 def _solved(left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, float]:

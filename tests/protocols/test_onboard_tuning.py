@@ -61,6 +61,8 @@ def test_drag_is_recovered_and_no_bias_is_taken_for_it(case):
     found = tuning.fit_drag([tuning.drag_sums(case), tuning.drag_sums(other)])
     assert found.drag_1_s == pytest.approx(DRAG[:2], rel=0.02)
     assert found.n == 2
+    assert tuning.fit_drag([tuning.drag_sums(case)]).ci95 is None
+    assert tuning.fit_drag([tuning.drag_sums(case)] * 3, np.zeros(3, int)).ci95 is None
     assert all(low - 0.01 <= b <= high + 0.01 for (low, high), b in zip(found.ci95, DRAG[:2], strict=True))
 
 
