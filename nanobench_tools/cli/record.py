@@ -29,18 +29,24 @@ if TYPE_CHECKING:
 @click.option("--seconds", type=FiniteRange(min=1.0), metavar="S", help="Length. Default: until Ctrl-C.")
 @click.option("--export", "exported", type=PATH, metavar="FILE",
               help="Export a raw recording, such as a broken one.")
+@click.option("--repair", "damaged", type=PATH, metavar="FILE",
+              help="Write the whole records of a damaged raw recording to NAME.repaired.packets and export them.")
 @click.option("--stamps", type=click.Choice(("aligned", "arrival")), default="aligned", show_default=True,
               help="Times of samples: taken, or their packets' arrival.")
 def record(options: Options, uri: str | None, blocks: Path | None, mocap: str | None, seconds: float | None,
-           exported: Path | None, stamps: str) -> int:
+           exported: Path | None, damaged: Path | None, stamps: str) -> int:
     """Record a vehicle without flying it: log blocks and poses into --out DIR.
 
     At the end: a NanoBench CSV with its sheet, and Parquet. A killed recording loses at most 100 ms of its raw packets
     in DIR/.raw.
     """
+    if damaged is not None:
+        if exported is not None:
+            raise UsageError("--repair and --export both read a file; give one")
+        exported = _repair(options, damaged)
     if exported is not None:
         if uri or blocks or mocap or seconds:
-            raise UsageError("--export reads a file; it goes with --out and --stamps alone")
+            raise UsageError("--export and --repair read a file; they go with --out and --stamps alone")
         found = _export(options, exported, stamps)
     else:
         if uri is None or options.out is None:
@@ -88,6 +94,15 @@ def _record(options: Options, uri: str, out: Path, blocks: Path | None, mocap: s
                     + ("" if seconds else "; Ctrl-C ends it"))
         _wait(options, seconds, link)
     return _export(options, recorder.path, stamps)
+
+
+def _repair(options: Options, damaged: Path) -> Path:
+    from ..radio.packets import repair
+
+    whole = damaged.with_name(f"{damaged.stem}.repaired{damaged.suffix}")
+    found = repair(damaged, whole)
+    options.say(f"{whole}: {len(found.records)} records; {found.cut or 'there was no damage'}")
+    return whole
 
 
 def _wait(options: Options, seconds: float | None, link: Any) -> None:

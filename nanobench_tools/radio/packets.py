@@ -3,7 +3,8 @@
 A file is a line of magic, the length of a JSON header and the header, then records. A record is ``<BBHdI``: kind,
 number, bytes of payload, host time [Unix s], CRC-32 of all that and the payload. Then follows the payload. A separate
 thread writes records every FLUSH_S. The sender thus never waits for a disk, and a killed program loses at most the
-records since then. A file that ends inside a record is read up to there.
+records since then. A file that ends inside a record is read up to there. Behind damage, reading goes on at the next
+place where a record has a known kind, a time near that of the last one, and the right checksum.
 """
 
 from __future__ import annotations
@@ -31,7 +32,10 @@ LOG, POSE, ECHO, SENT, REFERENCE, NOTE = range(6)
 """Kinds. LOG: number of the block; tick [ms] in 24 bits, values. POSE: ``<d7f`` as pose datagrams. ECHO: ``<d`` host
 time at which the echo was sent. SENT: header byte and data of a CRTP packet. REFERENCE: ``<4d`` x, y, z [m], yaw [rad]
 that a controller on the host had to follow. NOTE: UTF-8 text, JSON of the sheet for number 1."""
+KINDS = range(6)
 TEXT, SHEET = 0, 1
+NEAR_S = 86400.0
+"""A record behind damage is of the same day as the one before."""
 _HEAD = struct.Struct("<BBHd")
 _SUM = struct.Struct("<I")
 _LENGTH = struct.Struct("<I")
@@ -118,7 +122,7 @@ class PacketWriter:
 
 @dataclass(frozen=True)
 class Packets:
-    """A raw recording. ``cut`` says in words what is missing at its end; empty if nothing is."""
+    """A raw recording. ``cut`` shows in words what is missing inside and at its end; empty if nothing is."""
 
     header: dict[str, Any]
     records: list[Record]
@@ -136,7 +140,7 @@ class Packets:
 
 
 def read_packets(path: Path) -> Packets:
-    """Reads a raw recording, up to the first record that is not whole. Raises InputError if it is none."""
+    """Reads the whole records of a raw recording. Raises InputError for another file."""
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -150,14 +154,57 @@ def read_packets(path: Path) -> Packets:
     except ValueError:
         raise InputError(str(path), "its header is cut", "nothing had been recorded yet") from None
     records: list[Record] = []
-    at, step = end, _HEAD.size + _SUM.size
-    while at + step <= len(data):
-        kind, number, size, time_s = _HEAD.unpack_from(data, at)
-        payload = data[at + step:at + step + size]
-        known = zlib.crc32(payload, zlib.crc32(data[at:at + _HEAD.size]))
-        if len(payload) < size or known != _SUM.unpack_from(data, at + _HEAD.size)[0]:
-            break
-        records.append(Record(kind, number, time_s, payload))
-        at += step + size
-    left = len(data) - at
-    return Packets(header, records, f"the last {left} bytes are no whole record" if left else "")
+    lost: list[tuple[int, int]] = []
+    at = end
+    while at < len(data):
+        record = _record(data, at)
+        if record is None:
+            following = _next_record(data, at + 1, records[-1].time_s if records else None)
+            lost.append((at, following))
+            at = following
+            continue
+        records.append(record)
+        at += _HEAD.size + _SUM.size + len(record.payload)
+    return Packets(header, records, _damage(lost, len(data)))
+
+
+def _record(data: bytes, at: int) -> Record | None:
+    """The record at a place, None if it is not whole."""
+    step = _HEAD.size + _SUM.size
+    if at + step > len(data):
+        return None
+    kind, number, size, time_s = _HEAD.unpack_from(data, at)
+    payload = data[at + step:at + step + size]
+    known = zlib.crc32(payload, zlib.crc32(data[at:at + _HEAD.size]))
+    if len(payload) < size or known != _SUM.unpack_from(data, at + _HEAD.size)[0]:
+        return None
+    return Record(kind, number, time_s, payload)
+
+
+def _next_record(data: bytes, at: int, near_s: float | None) -> int:
+    """Place of the next whole record from ``at`` on; the end without."""
+    while at + _HEAD.size + _SUM.size <= len(data):
+        kind, _, size, time_s = _HEAD.unpack_from(data, at)
+        if kind in KINDS and at + size < len(data) and (near_s is None or abs(time_s - near_s) < NEAR_S) \
+                and _record(data, at) is not None:
+            return at
+        at += 1
+    return len(data)
+
+
+def _damage(lost: list[tuple[int, int]], size: int) -> str:
+    """In words."""
+    inside = [end - start for start, end in lost if end < size]
+    left = sum(end - start for start, end in lost if end == size)
+    parts = [f"{len(inside)} damaged place(s) of {sum(inside)} bytes were left out"] if inside else []
+    parts += [f"the last {left} bytes are no whole record"] if left else []
+    return "; ".join(parts)
+
+
+def repair(path: Path, to: Path) -> Packets:
+    """Writes the whole records of a damaged recording to a new file, and returns them. Raises InputError."""
+    found = read_packets(path)
+    with PacketWriter(to, found.header) as writer:
+        for record in found.records:
+            writer.write(*record)
+    return found
