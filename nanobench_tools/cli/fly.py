@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 KINDS = ("thrust-rates", "full-state", "velocity", "position")
 INTERRUPTED = 130
+OWN_MODEL = ("{} plans with the recorded vehicle, the model of a simulated vehicle that is served without --simulator: "
+             "do not expect its tracking error of a real one")
 
 
 @click.command()
@@ -72,6 +74,7 @@ def fly(options: Options, controller: str, trajectory: str, speed: float | None,
     The space bar or a second Ctrl-C stops the motors at once."""
     from ..radio.blocks import default_blocks, read_blocks
     from ..radio.fly.flight_plan import chosen_path
+    from ..radio.fly.predictive import PlannedPilot
     from ..radio.fly.safety import Limits
     from ..radio.fly.session import Request, is_simulated
     from ..radio.mocap.mocap_sources import pose_source
@@ -80,6 +83,8 @@ def fly(options: Options, controller: str, trajectory: str, speed: float | None,
     limits = Limits(fence_m=tuple(fence), tilt_deg=tilt_deg,  # type: ignore[arg-type]
                     speed_m_s=speed_limit, battery_V=battery_limit)
     pilot = pilot_for(controller, setpoints, simulator)
+    if uri is not None and uri.startswith("udp://") and simulator is None and isinstance(pilot, PlannedPilot):
+        options.say(OWN_MODEL.format(pilot.name))
     if dry_run:
         return _dry_run(options, spec, pilot, limits)
     if uri is None or mocap is None:
@@ -152,6 +157,9 @@ def _fly(options: Options, request: Request) -> int:
     options.say(f"loop: {loop['ticks']} ticks, {loop['missed']} deadlines missed; begin p50 {loop['begin_p50_ms']:.2f} "
                 f"p99 {loop['begin_p99_ms']:.2f} ms late, controller p50 {loop['call_p50_ms']:.2f} p99 "
                 f"{loop['call_p99_ms']:.2f} ms")
+    if math.isfinite(result.tracking.rmse_m):
+        options.say(f"tracking error on the path: RMSE {100.0 * result.tracking.rmse_m:.1f} cm, largest "
+                    f"{100.0 * result.tracking.largest_m:.1f} cm, by the poses of the flight")
     if result.recording is not None:
         body = replace(body, recording=say_export(options, result.recording))
     elif result.raw is not None:

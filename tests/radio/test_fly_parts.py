@@ -219,3 +219,16 @@ def test_references_without_derivatives_are_rates_no_controller_can_guess():
     with pytest.raises(UsageError):
         sp.of_reference("thrust-rates", bare)
     assert sp.decoded(sp.of_reference("full-state", bare))["rate_rad_s"] == (0.0, 0.0, 0.0)
+
+
+def test_the_tracking_error_is_that_of_the_path_alone():
+    from nanobench_tools.radio.fly.outcome import TrackingError
+    from nanobench_tools.radio.fly.pose_tracker import Believed
+
+    found, still = TrackingError(), np.zeros(3)
+    assert np.isnan(found.rmse_m)
+    for phase, off_m in (("hover", 5.0), ("path", 0.3), ("path", 0.4), ("landing", 5.0)):
+        believed = Believed(0.0, np.array([off_m, 0.0, 0.0]), still, np.array([0.0, 0.0, 0.0, 1.0]), still, 0.0)
+        found.tick(0.0, phase, believed, still, 0.0)
+    assert found.rmse_m == pytest.approx(np.sqrt(0.125))
+    assert found.largest_m == pytest.approx(0.4)

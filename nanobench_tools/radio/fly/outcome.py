@@ -10,6 +10,7 @@ import numpy as np
 
 from ...results.result import Result
 from .flight_loop import Beat
+from .flight_plan import PATH
 from .pose_tracker import Believed
 from .prepare import Ready
 from .safety import Stop
@@ -33,6 +34,29 @@ class Outcome:
     left: bool = False
     beat: Beat | None = None
     phases: list[tuple[str, float]] = field(default_factory=list)
+
+
+class TrackingError:
+    """A listener: distance between poses and path while the path is flown. ``rmse_m`` is nan without a path."""
+
+    def __init__(self) -> None:
+        self._squares: list[float] = []
+
+    def tick(self, time_s: float, phase: str, believed: Believed | None, commanded_m: np.ndarray | None,
+             yaw_rad: float) -> None:
+        if phase == PATH and believed is not None and commanded_m is not None:
+            self._squares.append(float(np.sum((believed.position_m - commanded_m) ** 2)))
+
+    def note(self, text: str) -> None:
+        """Not of interest here."""
+
+    @property
+    def rmse_m(self) -> float:
+        return float(np.sqrt(np.mean(self._squares))) if self._squares else float("nan")
+
+    @property
+    def largest_m(self) -> float:
+        return float(np.sqrt(max(self._squares))) if self._squares else float("nan")
 
 
 @dataclass(frozen=True, repr=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from .companion import companion
 from .flight_plan import Plan
 from .keys import space_stops
 from .mission import Flight
-from .outcome import Listener, Outcome, summary
+from .outcome import Listener, Outcome, TrackingError, summary
 from .pilot import Pilot
 from .pose_feed import Feed
 from .prepare import Preparation, Ready
@@ -65,6 +65,7 @@ class Result:
     ready: Ready
     recording: Exported | None
     raw: Path | None
+    tracking: TrackingError = field(default_factory=TrackingError)
 
 
 def is_simulated(uri: str, source: PoseSource) -> bool:
@@ -102,7 +103,8 @@ def fly_session(request: Request) -> Result:
             helper.port(link.udp_port)
             helper.ground_m = float(ready.pose.position_m[2])
         watch = Watch(link, quiet=request.quiet)
-        listeners: list[Listener] = [watch, *([helper] if helper is not None else [])]
+        tracking = TrackingError()
+        listeners: list[Listener] = [watch, tracking, *([helper] if helper is not None else [])]
         if request.record_to is not None:
             name = recording_name([request.spec.trajectory_id, request.pilot.name], clock.now())
             recorder = Recorder(request.record_to, name, link, running, sheet_of(request), clock)
@@ -126,7 +128,7 @@ def fly_session(request: Request) -> Result:
             feed.on_pose = None
             recorder.sheet({"flight": to_json(summary(outcome, ready), nan=float)})
     raw = None if recorder is None else recorder.path
-    return Result(outcome, ready, _exported(raw, outcome, request), raw)
+    return Result(outcome, ready, _exported(raw, outcome, request), raw, tracking)
 
 
 def _exported(raw: Path | None, outcome: Outcome, request: Request) -> Exported | None:
