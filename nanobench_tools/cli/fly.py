@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 KINDS = ("thrust-rates", "full-state", "velocity", "position")
 INTERRUPTED = 130
-OWN_MODEL = ("{} plans with the recorded vehicle, the model of a simulated vehicle that is served without --simulator: "
-             "do not expect its tracking error of a real one")
+OWN_MODEL = ("{} plans with the recorded vehicle, the model of a simulated vehicle that is served without --simulator. "
+             "Do not expect its tracking error of a real one")
 
 
 @click.command()
@@ -98,7 +98,7 @@ def fly(options: Options, controller: str, trajectory: str, speed: float | None,
 
 
 def confirmation(uri: str, simulated: bool, yes: bool) -> Callable[[], None]:
-    """What is called before a vehicle is armed: waits for Enter if the vehicle is real. Raises UsageError without
+    """Returns the call before a vehicle is armed: it waits for Enter if the vehicle is real. Raises UsageError without
     a terminal, before a link is opened."""
     if simulated or yes:
         return lambda: None

@@ -4,7 +4,7 @@ A file is a line of magic, the length of a JSON header and the header, then reco
 number, bytes of payload, host time [Unix s], CRC-32 of all that and the payload. Then follows the payload. A separate
 thread writes records every FLUSH_S. The sender thus never waits for a disk, and a killed program loses at most the
 records since then. A file that ends inside a record is read up to there. Behind damage, reading goes on at the next
-place where a record has a known kind, a time near that of the last one, and the right checksum.
+record with the right checksum, a known kind and a plausible time.
 """
 
 from __future__ import annotations
