@@ -95,8 +95,7 @@ def audit_screen(options: Options, audits: Mapping[str, Audit], copies: Sequence
     """The verdicts, the worst first, and of few recordings every event."""
     from ..auditing.audit_verdict import verdict_of
 
-    verdicts = sorted((verdict_of(a) for a in audits.values()),
-                      key=lambda v: -SEVERITIES.index(v.severity) if len(audits) > EVENTS_UP_TO else 0)
+    verdicts = sorted((verdict_of(a) for a in audits.values()), key=lambda v: -SEVERITIES.index(v.severity))
     return [verdict_table(verdicts, f"{_label(options)}Audit of {len(audits)} recording{'s' * (len(audits) != 1)}"),
             *(event_table(v) for v in verdicts if len(verdicts) <= EVENTS_UP_TO and len(v.events) > 1),
             _copies(copies)]

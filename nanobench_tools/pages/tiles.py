@@ -105,14 +105,14 @@ def of_control(control: Mapping[str, Any]) -> Tile | None:
                     "logged flights that the plant reproduces in simulation",
                     "good" if passed > FINE_SHARE * len(gate) else "warn", "control")
     rows = [r for r in control.get("rows") or [] if (r.get("metrics") or {}).get("rmse_m") is not None]
-    best = min(rows, key=lambda r: mean_of(r["metrics"]["rmse_m"]) or float("inf"), default=None)
-    value = None if best is None else mean_of(best["metrics"]["rmse_m"])
-    if best is None or value is None:
+    most = max(rows, key=lambda r: r.get("n") or 0, default=None)  # as the sentence of the verb
+    value = None if most is None else mean_of(most["metrics"]["rmse_m"])
+    if most is None or value is None:
         return None
-    pilot = PEOPLE.get(str(best.get("controller")), str(best.get("controller")))
-    path = " ".join(str(best[key]).replace("_", " ") for key in ("reference", "speed") if best.get(key))
-    which = f"{'smallest ' * (len(rows) > 1)}RMSE, {pilot}" + f", {path}" * bool(path)
-    return Tile("Tracking error", _unit("ate_rmse_m", value), f"{which}, n = {best.get('n')}", "", "control")
+    pilot = PEOPLE.get(str(most.get("controller")), str(most.get("controller")))
+    path = " ".join(str(most[key]).replace("_", " ") for key in ("reference", "speed") if most.get(key))
+    return Tile("Tracking error", _unit("ate_rmse_m", value), f"RMSE, {pilot}" + f", {path}" * bool(path)
+                + f", n = {most.get('n')}", "", "control")
 
 
 def of_verdict(verdict: Mapping[str, Any]) -> Tile | None:

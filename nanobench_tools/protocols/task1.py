@@ -200,7 +200,7 @@ def training_cases(flights: Sequence[Flight], audits: Mapping[str, Audit]) -> li
 def _nothing(flights: Sequence[Flight], train: Sequence[Case], shared: int = 0) -> InputError:
     place = flights[0].provenance.path if flights else "data"
     if train:
-        return InputError(place, f"no flight is left to test on: all {len(train)} usable flights train"
+        return InputError("Task 1", f"no flight is left to test on: all {len(train)} usable flights train"
                                  + (f", {shared} others share rows with them" if shared else ""),
                           "give --train and --test, or more recordings")
     return InputError(place, f"no test flight with {', '.join(STREAMS)} streams and 0.5 s of clean flight among "
