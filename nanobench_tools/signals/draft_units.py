@@ -146,18 +146,20 @@ def _position(draft: Draft, stream: str, names: tuple[str, ...], values: Mapping
             draft.confirm(speeds, "nothing shows it")
         return
     pairs = [(k, s) for k in keys for s in speeds if k[1][-1] == s[1][-1]]
+    agree = False
     if pairs:
         rate = evidence.rate_of(time_s, draft.si([k for k, _ in pairs], values))
         found = evidence.ratio(evidence.smooth(draft.si([s for _, s in pairs], values)), rate)
-        if found.known and found.agrees(1.0):
-            why = "velocity and position agree"
-            draft.confirm([*keys, *speeds], why)
+        agree = found.agrees(1.0)
+        if agree:
+            draft.confirm([*keys, *speeds], "velocity and position agree")
         elif found.known:
             shown = ", ".join(f"{r:.3g}" for r in found.known)
             draft.ask([*keys, *speeds],
                       f"the velocity is {shown} times the rate of the position; write the unit of each")
             return
-    still = draft.open(keys)
+    still, fast = draft.open(keys), draft.open(speeds)
+    both = [*keys, *fast]  # agreement shows the ratio of their units alone
     cells = np.stack([values[draft.mapped[k].column] for k in keys], axis=1)
     each = evidence.spans(cells)
     moving = each[each > 0.0]
@@ -167,13 +169,19 @@ def _position(draft: Draft, stream: str, names: tuple[str, ...], values: Mapping
         fits = evidence.lengths_that_fit(cells, time_s, factors)
         alone = [evidence.lengths_that_fit(cells[:, [k]], time_s, factors) or list(factors) for k in range(len(keys))]
         if not set.intersection(*map(set, alone)):
-            draft.ask(keys, "they are not of one size: are they all in one unit? write the unit of each")
+            draft.ask(both, "they are not of one size: are they all in one unit? write the unit of each")
         elif len(fits) > 1:
-            draft.ask(keys, f"{' or '.join(fits)}? both are possible; write unit = \"{fits[-1]}\", or another, at each")
+            rates = f" and \"{fits[-1]}/s\"" if fast else ""
+            draft.ask(both, f"{' or '.join(fits)}{', and the same per second' if fast else ''}? both are possible; "
+                      f"write unit = \"{fits[-1]}\"{rates}, or another, at each")
         elif fits and fits != ["m"]:
             draft.set_unit(still, fits[0], f"they span {moving.max():.4g}")
+            if agree:
+                draft.set_unit(fast, f"{fits[0]}/s", "velocity and position agree")
+            elif fast:
+                draft.ask(fast, f"the position is in {fits[0]}; is this in {fits[0]}/s? write the unit of each")
         elif not fits and moving.max() > evidence.SMALLEST_FLIGHT_M:
-            draft.ask(keys, f"no vehicle flies such a path in m, cm or mm with the time in {draft.mapped[TIME].unit}; "
+            draft.ask(both, f"no vehicle flies such a path in m, cm or mm with the time in {draft.mapped[TIME].unit}; "
                       "write the unit of each")
     elif len(moving) and scaled.max() > 20.0 * evidence.LARGEST_FLIGHT_M:
         draft.ask(keys, f"they span {scaled.max():.4g} m: no flight; which unit is it?")

@@ -97,6 +97,20 @@ def test_a_position_that_may_be_in_cm_or_mm_is_asked_about(tmp_path, table):
     assert "cm or mm" in question
 
 
+@pytest.mark.parametrize(("scale", "unit"), [(100.0, None), (1.0, "m/s"), (3000.0, "mm/s")])
+def test_a_velocity_that_agrees_with_its_position_has_no_unit_of_its_own(tmp_path, table, scale, unit):
+    """Agreement fixes the ratio of the two units: the velocity shares the position's question or its unit."""
+    t = table["time"] - 1000.0
+    speed = {"vx": np.cos(t), "vy": -np.sin(t), "vz": 0.3 * np.cos(3 * t)}
+    path = write(tmp_path / "f.csv", {"t": table["time"], "vbat": table["vbat"],
+                                      **{a: scale * table[f"p{a}"] for a in "xyz"},
+                                      **{name: scale * v for name, v in speed.items()}})
+    draft = draft_columns(path)
+    assert draft.mapped.get(("mocap", "vx")) == (None if unit is None else ("vx", unit))
+    assert (("mocap", "px") in draft.mapped) == (unit is not None)
+    assert [q for q in draft.questions if "vx" in q and "x, y, z" in q] == list(draft.questions)
+
+
 @pytest.mark.parametrize(("name", "is_what"), [
     ("stateEstimate.x", ("estimator", "x")), ("ctrltarget.yaw", ("setpoint", "yaw")), ("imu/gyro.y", ("imu", "gyro_y")),
     ("motor_3", ("motor", "m3")), ("rpm.m2", None), ("pm.vbat", ("battery", "vbat")), ("time [ms]", ("", "time")),
