@@ -33,7 +33,7 @@ def judge_axes(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarra
         return
     step_s = float(np.median(steps))
     _body_down(draft, values)
-    _pitch(draft, values, step_s)
+    _angle_signs(draft, values, step_s)
     rotation = rotation_of(draft, values)
     for position, velocity in (((("mocap", "px"), ("mocap", "py"), ("mocap", "pz")),
                                 (("mocap", "vx"), ("mocap", "vy"), ("mocap", "vz"))),
@@ -151,19 +151,27 @@ def _rate(draft: Draft, values: Mapping[str, np.ndarray], rotation: Rotation, st
                         "attitude")
 
 
-def _pitch(draft: Draft, values: Mapping[str, np.ndarray], step_s: float) -> None:
-    """An angle of pitch whose rate is the gyro's with the other sign is positive nose up."""
-    key: Key = ("attitude", "pitch")
+def _angle_signs(draft: Draft, values: Mapping[str, np.ndarray], step_s: float) -> None:
+    """The gyro shows the sign of every angle, also of one with a known name, which its user may have turned: a pitch
+    alone gets the other sign, and anything else is a question."""
     angles = _vector(draft, values, [("attitude", name) for name in ANGLES])
     w = _vector(draft, values, [("imu", f"gyro_{a}") for a in "xyz"])
-    drafted = draft.mapped.get(key)
-    if angles is None or w is None or drafted is None or drafted.sign < 0:
+    if angles is None or w is None:
         return
     rows = max(1, round(TURN_S / step_s))
     turns = np.unwrap(angles, axis=0)
     path = step_s * np.cumsum(w, axis=0)
     found = evidence.ratio(path[rows:] - path[:-rows], turns[rows:] - turns[:-rows])
-    if found.sign[1] < 0 and found.sign[0] > 0 and found.sign[2] >= 0:
-        draft.mapped[key] = replace(drafted, sign=-drafted.sign, why="nose up is positive: the gyro shows it")
+    against = [axis for axis, sign in enumerate(found.sign) if sign < 0]
+    if against == [ANGLES.index("pitch")] and found.sign[0] > 0:
+        key: Key = ("attitude", "pitch")
+        drafted = draft.mapped[key]
+        nose = "up" if drafted.sign > 0 else "down"
+        other = f", unlike in {drafted.why}" if drafted.status == "known" and drafted.why != "stated" else ""
+        draft.mapped[key] = replace(drafted, sign=-drafted.sign, why=f"nose {nose} is positive: the gyro shows it")
         draft.notes[:] = [n for n in draft.notes if not n.startswith(f"{drafted.column}: taken as positive")]
-        draft.notes.append(f"{drafted.column}: positive nose up, since the gyro turns the other way")
+        draft.notes.append(f"{drafted.column}: positive nose {nose}{other}, since the gyro turns the other way")
+    elif against:
+        draft.ask([key for axis in against for key in (("attitude", ANGLES[axis]), ("imu", f"gyro_{'xyz'[axis]}"))],
+                  "the gyro turns against the attitude; which is negated? write sign = -1 there"
+                  + (', or frame = "FRD" in [streams.imu]' if against == [1, 2] else ""))

@@ -99,6 +99,22 @@ def test_the_sign_of_a_pitch_follows_from_the_gyro(tmp_path):
         assert ('unit = "deg", sign = -1}' in draft.text) == (sign < 0)
 
 
+@pytest.mark.parametrize(("signs", "sign", "asked"), [
+    ((1, 1, 1), -1, []), ((1, -1, 1), 1, []), ((-1, 1, 1), -1, ["stabilizer.roll, gyro.x"]),
+    ((1, 1, -1), -1, ["stabilizer.yaw, gyro.z"])], ids=["as logged", "pitch", "roll", "yaw"])
+def test_the_gyro_shows_signs_of_known_names_too(tmp_path, signs, sign, asked):
+    """A Crazyflie logs its pitch positive nose up; a user may have turned it, or another angle."""
+    t, _, _, _, turn, w = flown()
+    angles = turn.as_euler("ZYX", degrees=True)[:, ::-1] * [1, -1, 1] * signs
+    np.savetxt(tmp_path / "log.csv", np.column_stack([1e3 * t, angles, np.rad2deg(w)]), delimiter=",", fmt="%.6g",
+               comments="", header="Timestamp," + ",".join(
+                   [f"stabilizer.{a}" for a in ("roll", "pitch", "yaw")] + [f"gyro.{a}" for a in "xyz"]))
+    draft = draft_columns(tmp_path / "log.csv")
+    assert [q.partition(":")[0] for q in draft.questions] == asked
+    assert ('"stabilizer.pitch", unit = "deg", sign = -1}' in draft.text) == (sign < 0)
+    assert any("since the gyro turns the other way" in note for note in draft.notes) == (sign > 0)
+
+
 def test_a_unit_that_is_not_known_is_a_question(tmp_path):
     (tmp_path / "f.csv").write_text("t,x [ft],y [ft],z [ft],vbat\n" + "".join(
         f"{0.01 * i},{0.1 * i},{0.2 * i},1,{4.0 - 1e-4 * i}\n" for i in range(200)))

@@ -6,6 +6,9 @@ fits the whole stream best. It is below -0.4 with one sign in the seconds of the
 clearly better than any lag without a change of sign. The accelerometer's z is judged by gravity. True correlations of
 real flights are +0.2 to +1.0. When gyro and estimated attitude are both negated, the motion capture is.
 
+Without motion capture the estimated angles are compared with the gyro. Where they turn against each other, one of the
+two columns is negated.
+
 Size: the correlation's sign, -1. Smallest found: any axis that moves enough for a correlation of 0.4. Other axes (yaw
 in flights that hold their heading, a world axis not flown along) are not judged.
 """
@@ -13,6 +16,7 @@ in flights that hold their heading, a world axis not flown along) are not judged
 from __future__ import annotations
 
 from ...flight import Fault, Flight
+from ...signals.attitude_signs import contradicted_angles
 from ...signals.axis_unit_matching import CLEAR
 from ...signals.context import Context
 from ...signals.pairs import gyro_pair, sums_of
@@ -39,6 +43,10 @@ def wrong_signs(context: Context) -> list[tuple[str, str, str]]:
                 found.append((verdict.stream, quantity,
                               f"{quantity} of {verdict.stream} correlates {k:+.2f} with what the "
                               f"{against(verdict)} predicts"))
+    for angle, gyro, k in context.once(contradicted_angles):
+        found.append(("attitude", angle,
+                      f"{angle} of attitude turns against {gyro} (correlation {k:+.2f}): one of them is negated"
+                      + ", and angles of pitch are positive nose down" * (angle == "pitch")))
     return found
 
 
