@@ -28,6 +28,7 @@ from .units_as_written import unit_as_written
 _HEADER = re.compile(r"\s*([A-Za-z][\w. ]*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
 _UNIT_BEHIND = re.compile(r"(.+)_(percent|pct|us|g|gf|grams|kgf|kg|n|lbf|v|mv|a|ma)")
 
+_SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "\u00b5s": 1e-6}
 _NUMBERED = re.compile(r"([a-z]+)_?(?:m|motor)?_?(\d)")
 _PULSED = ("us", "%")
 _FORCES = {"g": "gram_force", "kg": "kgf"}
@@ -106,7 +107,7 @@ class ThrustStand:
     """Source ``stand``."""
 
     name = "stand"
-    version = 1
+    version = 2
 
     def recognises(self, path: Path, head: bytes) -> bool:
         names = header_of(head)[0]
@@ -122,7 +123,7 @@ class ThrustStand:
         known = [h for h in map(heading, dict.fromkeys(header_of(data[: 1 << 16])[0])) if h]
         grid = read_grid(data, str(path), numeric={h.column for h in known})
         n = len(grid.lines)
-        row = np.arange(n, dtype=float)
+        row, timed = _times(grid, n)
         silent = [h.column
                   for h in known
                   if h.stream not in ("motor", "battery") and not grid.columns.get(h.column, np.ones(1)).any()]
@@ -154,11 +155,22 @@ class ThrustStand:
         ]
         if grid.truncated:
             faults.append(text_fault("truncated", "", (), grid.truncated, (span[1], span[1]), 1.0, "rows"))
-        notes = (*grid.notes, "rows of a stand file have no time: their numbers replace seconds",
+        notes = (*grid.notes, *(() if timed else ("rows have no time in seconds: their numbers replace it",)),
                  "thrust is what the load cell shows, zero offset included, of "
                  + ("one motor" if len(streams["motor"].quantities) == 1 else "all motors together"))
         return Flight(path.name, streams, {"family": None, "speed": None, "reference_speed_m_s": None, "kind": "stand"},
                       Provenance(str(path), "", self.name, findings=tuple(faults), notes=notes))
+
+
+def _times(grid: Grid, n: int) -> tuple[np.ndarray, bool]:
+    """(n,) s of each row from the first, and whether the file has it: in a column of time that names its unit and
+    increases. Otherwise the number of the row."""
+    for column, values in grid.columns.items():
+        match = _HEADER.fullmatch(column)
+        scale = _SECONDS.get((match[2] or "").strip()) if match and match[1].lower() in ("time", "t") else None
+        if scale is not None and np.isfinite(values).all() and (np.diff(values) > 0.0).all():
+            return np.asarray(scale * (values - values[0])), True
+    return np.arange(n, dtype=float), False
 
 
 def is_a_stand(names: Sequence[str]) -> bool:

@@ -18,6 +18,18 @@ def test_a_thrust_without_a_unit_is_asked_about(tmp_path):
     assert "column thrust: a thrust without a unit: g or N?" in failure["error"]
 
 
+@pytest.mark.parametrize(("column", "times", "last_s"), [
+    ("Time (s)", (3.0, 3.5, 4.0), 1.0), ("t [ms]", (0, 20, 40), 0.04), ("Time", (0, 20, 40), 2.0),
+    ("Time (s)", (0.0, 0.5, 0.5), 2.0)])
+def test_rows_have_the_time_that_the_file_gives(tmp_path, column, times, last_s):
+    """In a unit that it names and increasing; else their numbers stand for it, which a note says."""
+    rows = "\n".join(f"{t},{u},{f},16" for t, u, f in zip(times, (1100, 1500, 1900), (0.1, 0.5, 1.1), strict=True))
+    (tmp_path / "a.csv").write_text(f"{column},ESC signal (us),Thrust (N),Voltage (V)\n{rows}\n")
+    flight, = load(tmp_path).flights
+    assert flight["motor"].time_s[-1] == pytest.approx(last_s)
+    assert any("numbers replace it" in note for note in flight.provenance.notes) == (last_s == 2.0)
+
+
 @pytest.mark.parametrize("speed", ["Motor Electrical Speed (RPM)", "Motor Optical Speed (RPM)"])
 @pytest.mark.parametrize("factor", [0.102, 0.0022, 1.0, 9.81])
 def test_thrust_that_no_propeller_has_at_its_power_and_speed_is_refused(tmp_path, speed, factor):

@@ -134,7 +134,7 @@ class _Udp:
     def __init__(self, uri: str, port: int) -> None:
         found = urlparse(uri)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.bind(("", port))
+        self._socket.bind(("127.0.0.1" if found.hostname in ("localhost", "127.0.0.1") else "", port))
         self._socket.connect((found.hostname, found.port))
 
     def send_packet(self, packet: Any) -> None:
