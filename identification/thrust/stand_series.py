@@ -128,14 +128,15 @@ def check(stand: Stand) -> None:
     if np.ptp(stand.u) < 0.02:
         raise InputError(f"{place}: column pwm", f"PWM never changes ({stand.u[0] * 65535:.0f} counts)",
                          "a thrust curve needs a range of PWM")
-    volts = 4.0
+    volts = BATTERY_V  # of a file that does not say
     if stand.battery_V is not None:
         low, high = float(stand.battery_V.min()), float(stand.battery_V.max())
         if low < BATTERY_V[0] or high > BATTERY_V[1]:
             raise InputError(f"{place}: column vbat", f"battery from {low:.4g} to {high:.4g} V",
                              f"between {BATTERY_V[0]} and {BATTERY_V[1]} V is possible; is the unit mV?")
-        volts = high
+        volts = (high, high)
     peak = float(np.quantile(stand.thrust_N, 0.98))
-    if not THRUST_PER_VOLT_N[0] <= peak / volts <= THRUST_PER_VOLT_N[1]:
-        raise InputError(f"{place}: thrust", f"largest thrust is {peak:.3g} N per motor at {volts:.3g} V",
+    if not THRUST_PER_VOLT_N[0] * volts[0] <= peak <= THRUST_PER_VOLT_N[1] * volts[1]:
+        at = "" if stand.battery_V is None else f" at {volts[1]:.3g} V"
+        raise InputError(f"{place}: thrust", f"largest thrust is {peak:.3g} N per motor{at}",
                          "that is no motor: give the unit in brackets, weight[g], thrust[N]")

@@ -64,6 +64,9 @@ class ThrustFormula(Result):
     def described(self, option: str = "") -> str:
         """``sentence``. option: the one that gives a mass, where none was given and the usual one is assumed."""
         assumed = f" (assumed: give {option})" if option else ""
+        if not self.levels and not np.isfinite(self.voltage_V).all():
+            full = "" if self.sagged_N is None else f"{newton(self.sagged_N)} per motor at full command. "
+            return f"{full}The rows have no voltage; do not use the formula with another battery"
         if not self.levels:
             full = "" if self.sagged_N is None else (
                 f"{newton(self.sagged_N)} per motor at full command and {self.voltage_V[0]:.2f} V. ")

@@ -100,7 +100,8 @@ def maps_screen(options: Options, part: Part, assumed: str = "") -> list[Table |
     heads = ("map", f"RMS {unit}", "95 %", "files", *filter(None, [width]), "status")
     note = short_note(rows) if part.found.flown else short_note(rows).replace("one flight", "one file")
     table = Table.plain(
-        f"Thrust from {part.kind}s, {data_word(options)} data, rows of files that were "
+        f"Thrust from {part.kind}s, {data_word(options)} data, rows of "
+        + ("files" if max(row.files for row in rows) > 1 else "pieces of the file") + " that were "
         + ("held out" if rows[0].split == "test" else "fitted to"), heads,
         [tuple(cell for cell, head in zip(_cells(row, part), ("map", heads[1], "95 %", "files", width, "status"),
                                           strict=True) if head) for row in rows], note)

@@ -26,8 +26,9 @@ def thrust_sentence(found: ThrustResult) -> str:
     if found.best is None or part is None:
         return "no map is a result"
     unit, factor, digits = UNITS[kind]
+    files = {error.file for error in part.per_file}
     return (f"best map: {found.best}, off by {factor * part.held_out_rms[found.best]:.{digits}f} {unit} (RMS) on "
-            "training files held out in turn")
+            + ("training files" if len(files) > 1 else "pieces of the only file") + " held out in turn")
 
 
 def thrust_maps(options: Options, flights: Sequence[Flight],

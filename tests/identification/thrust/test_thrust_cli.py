@@ -128,3 +128,16 @@ def test_training_files_that_cannot_be_read_are_listed_and_the_others_fitted(tmp
     assert whole[0] == 0
     assert found["rows"] == json.loads((tmp_path / "w.json").read_text())["rows"]
     assert "best map: " in out
+
+
+def test_one_file_without_voltage_states_no_voltage_and_what_was_held_out(tmp_path, nanobench):
+    """A racer's motor: 19 N are possible for a file that does not say its voltage."""
+    u = np.linspace(0.1, 1.0, 40)
+    rows = "\n".join(f"{1000 + 1000 * v:.1f},{19.0 * v**2:.4f}" for v in u)
+    (tmp_path / "a.csv").write_text(f"ESC signal (us),Thrust (N)\n{rows}\n")
+    code, out, err = nanobench("--data", tmp_path / "a.csv")
+    assert code == 0
+    said = " ".join((out + err).split())
+    assert "The rows have no voltage" in said
+    assert "nan V" not in said
+    assert "pieces of the only file held out in turn" in said
