@@ -83,8 +83,10 @@ def _name(draft: Draft, table: Table, path: Path) -> None:
         if known.what:
             draft.unknown[column] = f"{known.what} ({title})"
         elif key not in draft.mapped:
-            unit = stated[column] if stated[column] in allowed_units(*key) else known.unit
-            draft.mapped[key] = Drafted(column, unit, "known", title, int(known.sign), known.offset, known.invalid)
+            written = stated[column] in allowed_units(*key)
+            status = "assumed" if known.generic and not written else "known"
+            draft.mapped[key] = Drafted(column, stated[column] if written else known.unit, status, title,
+                                        int(known.sign), known.offset, known.invalid)
             if known.invalid is not None:
                 cells = table.values[column]
                 table.values[column] = np.where(cells == known.invalid, np.nan, cells)

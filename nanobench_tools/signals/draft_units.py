@@ -9,9 +9,10 @@ import numpy as np
 
 from .. import so3
 from ..sources.column_map import PWM_STREAMS, allowed_units
+from ..sources.column_names import meaning, words_of
 from ..units import GRAVITY_M_S2, PWM_FULL_SCALE, factor
 from . import column_evidence as evidence
-from .draft import QUATERNION, TIME, Draft
+from .draft import QUATERNION, TIME, Draft, Key
 
 VECTORS: tuple[tuple[str, tuple[str, ...]], ...] = tuple(
     (stream, names) for stream, names in (
@@ -270,14 +271,47 @@ def _gyro(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarray) ->
                 draft.set_unit(keys, fits[0], "it turns as fast as the attitude")
             _frd(draft, found, values)
             return
+    if _accelerates(draft, keys, values, time_s, factors):
+        return
     fits = evidence.rates_that_fit(cells, factors)
     if draft.open(keys):
-        if len(fits) > 1:
+        if named := draft.mapped[draft.open(keys)[0]].why:
+            if len(fits) > 1:
+                draft.confirm(keys, f"as in {named}; {' or '.join(fits)} is possible")
+            elif fits:
+                draft.set_unit(draft.open(keys), fits[0], f"it reaches {np.nanmax(np.abs(cells)):.3g}")
+        elif len(fits) > 1:
             draft.ask(keys, f"{' or '.join(fits)}? both are possible; write unit = \"rad/s\" or \"deg/s\" at each")
         elif fits and fits != ["rad/s"]:
             draft.set_unit(keys, fits[0], f"it reaches {np.nanmax(np.abs(cells)):.3g}")
     elif float(np.nanquantile(np.abs(cells), 0.999)) * factor(unit) > 2.0 * evidence.FASTEST_RAD_S:
         draft.ask(keys, f"in {unit} it reaches more than any gyro measures; which unit is it?")
+
+
+def _accelerates(draft: Draft, keys: list[Key], values: Mapping[str, np.ndarray], time_s: np.ndarray,
+                 factors: Mapping[str, float]) -> bool:
+    """Whether an angular acceleration of the table, in rad/s^2, shows that an assumed unit is wrong; sets or asks for
+    the unit. Agreement shows nothing: both may be in degrees."""
+    of_axis: dict[str, str] = {}
+    for column in values:
+        what, (words, unit) = meaning(column), words_of(column)
+        if isinstance(what, str) and what.startswith("an angular acceleration") and unit in ("", "rad/s^2"):
+            of_axis.setdefault(words[-1], column)
+    keys = [k for k in draft.open(keys) if k[1][-1] in of_axis]
+    if not keys:
+        return False
+    rising = np.stack([values[of_axis[k[1][-1]]] for k in keys], axis=1)
+    found = evidence.ratio(evidence.rate_of(time_s, draft.si(keys, values)), evidence.smooth(rising))
+    if not found.known or found.agrees(1.0):
+        return False
+    keys = draft.open(draft.columns("imu", ("gyro_x", "gyro_y", "gyro_z")))
+    fits = [u for u, f in factors.items() if found.agrees(factor(draft.mapped[keys[0]].unit) / f)]
+    shown = ", ".join(f"{r:.3g}" for r in found.known)
+    if fits:
+        draft.set_unit(keys, fits[0], f"its rate is {shown} times the angular acceleration in rad/s^2")
+    else:
+        draft.ask(keys, f"its rate is {shown} times the angular acceleration; write the unit of each")
+    return True
 
 
 def _frd(draft: Draft, turns: evidence.Ratio, values: Mapping[str, np.ndarray]) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from nanobench_tools.errors import InputError
 from nanobench_tools.signals.column_draft import draft_columns
 
 STEP_S = 0.02
@@ -113,6 +114,26 @@ def test_the_gyro_shows_signs_of_known_names_too(tmp_path, signs, sign, asked):
     assert [q.partition(":")[0] for q in draft.questions] == asked
     assert ('"stabilizer.pitch", unit = "deg", sign = -1}' in draft.text) == (sign < 0)
     assert any("since the gyro turns the other way" in note for note in draft.notes) == (sign > 0)
+
+
+@pytest.mark.parametrize(("scale", "size", "rising", "drafted"), [
+    (1.0, 1.0, 1.0, ("rad/s", "shown")), (57.2958, 1.0, 1.0, ("deg/s", "shown")),
+    (57.2958, 1.0, 57.2958, ("rad/s", "assumed")), (1.0, 40.0, 0.0, ("rad/s", "assumed")), (8.0, 1.0, 1.0, None)],
+    ids=["rad/s", "deg/s", "both in degrees", "alone", "neither"])
+def test_a_generic_name_does_not_make_the_unit_of_a_gyro_known(tmp_path, scale, size, rising, drafted):
+    """Peak 0.4 rad/s times ``size``; its rate is in the table, too, unless ``rising`` is 0."""
+    t = np.arange(0.0, 10.0, 0.02)
+    w = size * 0.4 * np.sin(np.array([1.0, 1.6, 2.3]) * t[:, None])
+    a = size * 0.4 * np.array([1.0, 1.6, 2.3]) * np.cos(np.array([1.0, 1.6, 2.3]) * t[:, None])
+    names = [f"ang_vel_{x}" for x in "xyz"] + [f"ang_acc_{x}" for x in "xyz"] * (rising > 0.0)
+    np.savetxt(tmp_path / "f.csv", np.column_stack([t, scale * w, *[rising * a] * (rising > 0.0)]), delimiter=",",
+               fmt="%.6g", comments="", header="timestamp," + ",".join(names))
+    if drafted is None:
+        with pytest.raises(InputError, match="times the angular acceleration"):
+            draft_columns(tmp_path / "f.csv")
+        return
+    draft = draft_columns(tmp_path / "f.csv")
+    assert (draft.mapped["imu", "gyro_x"][1], draft.status["ang_vel_x"]) == drafted
 
 
 def test_a_unit_that_is_not_known_is_a_question(tmp_path):

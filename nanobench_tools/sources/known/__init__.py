@@ -12,6 +12,7 @@ A file holds ``title``, ``origin`` (where the names and units are documented) an
 ``topic``    of PX4 and ROS: the message, or list of messages, the name belongs to; of several messages that give one
              stream the first in the file is the best
 ``frame``    axes of the numbers (``axes``), where they are not ours
+``generic``  true where others write the same name for numbers in other units: the unit is assumed
 ``plain``    true where others call columns the same: the name alone does not show the ecosystem
 
 Several names may give one quantity: the first one in the file that is there is taken.
@@ -51,6 +52,7 @@ class Known:
     topic: str = ""
     frame: str = ""
     plain: bool = False
+    generic: bool = False
     invalid: float | None = None
 
     @property
