@@ -14,6 +14,7 @@ pytest.importorskip("casadi")
 
 from controllers.plants.served_vehicle import served
 from nanobench_tools.cli.main import main
+from nanobench_tools.radio.fly.stop_socket import path_of
 from nanobench_tools.radio.packets import read_packets
 from nanobench_tools.radio.simulated.channel import RadioOptions
 from nanobench_tools.radio.simulated.commander import RADIO
@@ -127,3 +128,6 @@ def test_kill_9_in_the_air_lands_the_vehicle(server):
     assert high > 0.3
     assert sank < GENTLY_M_S
     assert onboard.vehicle.true_pose()[0][2] < 0.05
+    while path_of(server.uri).exists() and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not path_of(server.uri).exists()

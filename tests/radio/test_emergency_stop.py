@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import threading
 import time
 
@@ -17,7 +18,7 @@ from nanobench_tools.radio.fly.keys import space_stops
 from nanobench_tools.radio.fly.mission import STOP_S, Flight
 from nanobench_tools.radio.fly.pilot import OnboardPilot
 from nanobench_tools.radio.fly.safety import Limits
-from nanobench_tools.radio.fly.stop_socket import listening, request_stop
+from nanobench_tools.radio.fly.stop_socket import listening, path_of, remove_stale, request_stop
 
 IN_PATH = 107.5
 
@@ -156,6 +157,19 @@ def test_nanobench_stop_from_another_terminal_stops_the_motors(capsys):
     assert outcome.stop.reason.startswith("nanobench stop; ")
     assert not toy.motors
     assert not request_stop("udp://127.0.0.1:1")
+
+
+def test_looking_for_a_flight_stops_none_and_removes_only_what_a_killed_one_left():
+    uri, stops = "udp://127.0.0.1:2", []
+    with listening(uri, lambda: stops.append("stop")):
+        remove_stale(uri)
+        assert path_of(uri).exists()
+        assert request_stop(uri)
+    assert stops == ["stop"]
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as killed:
+        killed.bind(str(path_of(uri)))
+    remove_stale(uri)
+    assert not path_of(uri).exists()
 
 
 def test_a_stop_that_nothing_answers_is_an_error(capsys, monkeypatch):

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlparse
 
 from ...errors import MissingExtraError
+from .stop_socket import remove_stale
 
 if TYPE_CHECKING:
     import numpy as np
@@ -181,6 +182,7 @@ def main(uri: str) -> None:
             last = words
     if last[0] == b"air":
         send_for(uri, packets(float(last[1]), float(last[2])), LAND_S, port)
+    remove_stale(uri)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 ANSWER_S, EVERY_S = 1.0, 0.1
-ANSWER = b"stopping"
+REQUEST, ANSWER = b"stop", b"stopping"
 
 
 def path_of(uri: str) -> Path:
@@ -41,8 +41,10 @@ def listening(uri: str, stop: Callable[[], None]) -> Iterator[None]:
             with suppress(OSError):
                 client, _ = server.accept()
                 with client:
-                    stop()
-                    client.sendall(ANSWER)
+                    client.settimeout(ANSWER_S)
+                    if client.recv(16) == REQUEST:
+                        stop()
+                        client.sendall(ANSWER)
 
     thread = threading.Thread(target=serve, name="stop socket", daemon=True)
     thread.start()
@@ -61,6 +63,18 @@ def request_stop(uri: str) -> bool:
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
             client.settimeout(ANSWER_S)
             client.connect(str(path_of(uri)))
+            client.sendall(REQUEST)
             return client.recv(64) == ANSWER
     except (AttributeError, OSError):
         return False
+
+
+def remove_stale(uri: str) -> None:
+    """Removes the socket of a flight whose process was killed; one that somebody listens on stays."""
+    path = path_of(uri)
+    with suppress(AttributeError, OSError), socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
+        client.settimeout(ANSWER_S)
+        try:
+            client.connect(str(path))
+        except ConnectionRefusedError:
+            path.unlink(missing_ok=True)
