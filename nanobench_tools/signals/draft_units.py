@@ -10,9 +10,11 @@ import numpy as np
 from .. import so3
 from ..sources.column_map import PWM_STREAMS, allowed_units
 from ..sources.column_names import meaning, words_of
+from ..sources.tum_layout import NORM_TOLERANCE
 from ..units import GRAVITY_M_S2, PWM_FULL_SCALE, factor
 from . import column_evidence as evidence
 from .draft import QUATERNION, TIME, Draft, Key
+from .quaternion_reading import Samples, reading_of
 
 VECTORS: tuple[tuple[str, tuple[str, ...]], ...] = tuple(
     (stream, names) for stream, names in (
@@ -35,6 +37,8 @@ def judge_units(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarr
     _gravity(draft, values)
     for stream, names in (("mocap", ("px", "py", "pz")), ("estimator", ("x", "y", "z"))):
         _position(draft, stream, names, values, time_s)
+    for stream in ("mocap", "attitude_qw"):
+        _quaternion(draft, stream, values, time_s)
     _angles(draft, values)
     _yaw_wanted(draft, values)
     _gyro(draft, values, time_s)
@@ -186,6 +190,35 @@ def _position(draft: Draft, stream: str, names: tuple[str, ...], values: Mapping
                       "write the unit of each")
     elif len(moving) and scaled.max() > 20.0 * evidence.LARGEST_FLIGHT_M:
         draft.ask(keys, f"they span {scaled.max():.4g} m: no flight; which unit is it?")
+
+
+def _quaternion(draft: Draft, stream: str, values: Mapping[str, np.ndarray], time_s: np.ndarray) -> None:
+    """Reads a quaternion as the path and the gyro show it: its scalar in another place, or inverted."""
+    keys = draft.columns(stream, QUATERNION)
+    if len(keys) < len(QUATERNION) or stream in draft.frames:
+        return
+    rising = np.isfinite(time_s) & (np.diff(time_s, prepend=-np.inf) > 0.0)
+
+    def samples(keys: list[Key]) -> Samples | None:
+        there = rising & np.isfinite(draft.si(keys, values)).all(axis=1) if len(keys) >= 3 else rising & False
+        return (time_s[there], draft.si(keys, values)[there]) if there.sum() > 20 else None
+
+    attitude = samples(keys)
+    if attitude is None:
+        return
+    unit = np.abs(np.linalg.norm(attitude[1], axis=1) - 1.0) < NORM_TOLERANCE
+    path = samples(draft.columns("mocap", ("px", "py", "pz"))) if stream == "mocap" else None
+    gyro = None if "imu" in draft.frames else samples(draft.columns("imu", ("gyro_x", "gyro_y", "gyro_z")))
+    if unit.sum() < 20:
+        return
+    reading, why = reading_of((attitude[0][unit], attitude[1][unit]), path, gyro)
+    if reading.as_stored:
+        return
+    stored = [draft.mapped[key] for key in keys]
+    for key, place in zip(keys, reading.places, strict=True):
+        sign = -1 if reading.inverted and key[1] != "qw" else 1
+        draft.mapped[key] = replace(stored[place], sign=sign * stored[place].sign, status="shown", why="the flight")
+    draft.notes.append(f"{', '.join(d.column for d in stored)}: {reading.meaning}, read so, since {why}")
 
 
 def _angles(draft: Draft, values: Mapping[str, np.ndarray]) -> None:

@@ -64,22 +64,25 @@ class Tilt:
 
 def tilts(context: Context) -> dict[str, dict[tuple[Axis, Axis], Tilt]]:
     """Order of the quaternion's elements -> (world axis, body axis) -> ``Tilt``; empty without attitude or motion."""
-    return {order: _tilts(context, places) for order, places in ORDERS.items()}
+    time_s, position, quaternion = context.once(seen_poses)
+    known = quaternion.shape[1] == 4
+    return {order: tilts_of(time_s, position, quaternion[:, places]) if known else {}
+            for order, places in ORDERS.items()}
 
 
-def first_up(context: Context, order: str) -> np.ndarray:
-    """(3,) mean direction of the world's z in the tracked body, in the first moments."""
-    time_s, _, quaternion = context.once(seen_poses)
-    first = quaternion[time_s <= time_s[0] + STANDS_S][:, ORDERS[order]]
+def first_up(time_s: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
+    """(3,) mean direction of the world's z in a body of attitude (n, 4) x, y, z, w, in the first moments."""
+    first = quaternion[time_s <= time_s[0] + STANDS_S]
     return np.asarray(so3.rotate_inverse(first, np.array([0.0, 0.0, 1.0])).mean(axis=0))
 
 
-def _tilts(context: Context, order: tuple[int, ...]) -> dict[tuple[Axis, Axis], Tilt]:
-    time_s, position, quaternion = context.once(seen_poses)
+def tilts_of(time_s: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> dict[tuple[Axis, Axis], Tilt]:
+    """(world axis, body axis) -> ``Tilt`` of positions (n, 3) m and quaternions (n, 4) x, y, z, w; empty without
+    motion."""
     few = len(quaternion) < 20 or quaternion.shape[1] < 4 or time_s[-1] - time_s[0] < SHORTEST_S
     if few or typical_step_s(time_s) > SLOWEST_STEP_S:
         return {}
-    quaternion = so3.make_continuous(quaternion[:, order])
+    quaternion = so3.make_continuous(quaternion)
     grid = np.arange(time_s[0], time_s[-1], STEP_S)
     on_grid = np.stack([np.interp(grid, time_s, v) for v in np.hstack([position, quaternion]).T], axis=1)
     turn = on_grid[:, 3:] / np.linalg.norm(on_grid[:, 3:], axis=1, keepdims=True)
@@ -115,7 +118,11 @@ def _band(values: np.ndarray) -> np.ndarray:
 def ground_axes(context: Context) -> dict[Axis, float]:
     """Axis -> climb [m] of every axis that may point up. The vehicle is at rest at both ends of the recording and is
     above that place in between. Only z where z may point up; empty where it is undecided."""
-    time_s, position, _ = context.once(seen_poses)
+    return ground_axes_of(*context.once(seen_poses)[:2])
+
+
+def ground_axes_of(time_s: np.ndarray, position: np.ndarray) -> dict[Axis, float]:
+    """``ground_axes`` of positions (n, 3) m."""
     ends = [position[time_s <= time_s[0] + STANDS_S], position[time_s >= time_s[-1] - STANDS_S]] if len(time_s) else []
     if len(time_s) < 20 or any(len(end) < 3 or (np.ptp(end, axis=0) > STILL_M).any() for end in ends):
         return {}

@@ -11,9 +11,9 @@ from .. import so3
 from ..settings import number, setting
 from ..time_offsets.mathematics.lags import LagSums, lag_sums
 from .context import Context
-from .flown_axes import ORDERS
 from .mocap_derivatives import STEP_S, body_rate
 from .paired_signals import FORCE_BAND_HZ, POSE_BAND_HZ, RATE_BAND_HZ, REACH_S, Pair, against
+from .quaternion_reading import AS_STORED
 from .quaternions import quaternion_orders
 
 SHORT_REACH_S = number("audit.pairs.short_reach_s")
@@ -48,9 +48,9 @@ def attitude_pair(context: Context) -> Pair | None:
 def attitude_qw_pair(context: Context) -> Pair | None:
     """Body rate of the estimated quaternion against that of the motion capture, rad/s."""
     found = context.once(quaternion_orders).get("attitude_qw")
-    order = list(ORDERS[found.name] if found else range(4))
+    reading = found.reading if found else AS_STORED
     pair = against(context, "attitude_qw", ("qx", "qy", "qz", "qw"), lambda truth: truth.rate_rad_s, RATE_BAND_HZ, True,
-                   signal=_rate_of_quaternion, prepare=lambda q: so3.make_continuous(q[:, order]))
+                   signal=_rate_of_quaternion, prepare=lambda q: so3.make_continuous(reading.of(q)))
     return None if pair is None else replace(pair, quantities=("qx", "qy", "qz"))
 
 

@@ -14,7 +14,7 @@ from ..settings import number
 from ..sources.axes import Frame, frame_of, in_our_axes
 from .context import Context
 from .dropouts import alive_until
-from .flown_axes import AXES, NAMES, ORDERS, UP, UPRIGHT, Axis, Tilt, first_up, ground_axes, seen_poses, tilts
+from .flown_axes import AXES, NAMES, UP, UPRIGHT, Axis, Tilt, first_up, ground_axes, seen_poses, tilts, tilts_of
 from .held_poses import ROTATION
 from .quaternion_lengths import STREAMS
 from .quaternions import UNIT_WITHIN, quaternion_orders
@@ -56,7 +56,10 @@ class PoseFrame:
 def pose_frame(context: Context) -> PoseFrame:
     """The frame of the tracked poses; z up in world and body where nothing clearly shows another."""
     order = context.once(quaternion_orders).get("mocap")
-    found = context.once(tilts)[order.name if order else "x, y, z, w"]
+    time_s, position, stored = context.once(seen_poses)
+    read = order.reading.of(stored) if order and stored.shape[1] else stored
+    as_stored = order is None or order.reading.as_stored
+    found = context.once(tilts)["x, y, z, w"] if as_stored else tilts_of(time_s, position, read)
     usual, ground = found.get((UP, UP)), context.once(ground_axes)
     if usual is not None and usual.flies:
         return PoseFrame()
@@ -71,9 +74,9 @@ def pose_frame(context: Context) -> PoseFrame:
         upright = {body: tilt.upright for (w, body), tilt in found.items() if w == world and tilt.upright > UPRIGHT}
         body = max(upright, key=lambda b: upright[b]) if upright else world if not found else None
         return PoseFrame(world, body, _why_ground(ground))
-    if order is None or not len(context.once(seen_poses)[2]):
+    if order is None or not len(stored):
         return PoseFrame()
-    up = first_up(context, order.name)
+    up = first_up(time_s, read)
     tilt_rad = float(np.arccos(np.clip(up[2] / max(float(np.linalg.norm(up)), 1e-9), -1.0, 1.0)))
     if tilt_rad < FOREIGN_RAD:
         return PoseFrame()
@@ -97,15 +100,15 @@ def _why_ground(ground: dict[Axis, float]) -> str:
 
 
 def posed(context: Context) -> Stream | None:
-    """The tracked poses as every other check takes them: quaternions in the order x, y, z, w, z up in world and body;
-    None without poses."""
+    """The tracked poses as every other check takes them: quaternions in the order x, y, z, w, body to world, z up in
+    world and body; None without poses."""
     stream, frame = context.once(usable_streams).get("mocap"), context.once(pose_frame)
     if stream is None:
         return None
     order = context.once(quaternion_orders).get("mocap")
-    if order is not None and order.name != "x, y, z, w":
+    if order is not None and not order.reading.as_stored:
         values, columns = stream.values.copy(), [stream.index(q) for q in ROTATION]
-        values[:, columns] = stream[ROTATION][:, ORDERS[order.name]]
+        values[:, columns] = order.reading.of(stream[ROTATION])
         stream = replace(stream, values=values)
     if not frame.turned:
         return stream
@@ -119,8 +122,7 @@ def orientation_of(context: Context) -> tuple[np.ndarray, np.ndarray] | None:
         stream = context.once(posed) if name == "mocap" else context.once(usable_streams).get(name)
         if name in orders and stream is not None:
             keep = stream.time_s <= context.once(alive_until)[name]
-            order = (0, 1, 2, 3) if name == "mocap" else ORDERS[orders[name].name]
-            q = stream[quantities][keep][:, order]
+            q = stream[quantities][keep] if name == "mocap" else orders[name].reading.of(stream[quantities][keep])
             fine = np.isfinite(q).all(axis=1) & (np.abs(np.linalg.norm(q, axis=1) - 1.0) < UNIT_WITHIN)
             return stream.time_s[keep][fine], q[fine]
     return None

@@ -1,4 +1,5 @@
-"""The order of the elements of each stream's quaternions, judged by a vehicle that is upright at rest and in flight.
+"""How each stream's quaternions are to be read, judged by a vehicle that is upright at rest and in flight, by its path
+and by its gyro (``quaternion_reading``).
 
 A vehicle rests on its feet and thrusts along its body z axis, so that axis points up in the first seconds of a
 recording. For quaternions stored w, x, y, z but read as x, y, z, w it points down or aside. The order that points up
@@ -16,8 +17,9 @@ from .. import so3
 from ..settings import number
 from .context import Context
 from .dropouts import alive_until
-from .flown_axes import ORDERS, UP, tilts
+from .flown_axes import ORDERS, UP, seen_poses, tilts
 from .quaternion_lengths import STREAMS
+from .quaternion_reading import AS_STORED, SCALAR_FIRST, Reading, Samples, reading_of
 from .usable_rows import usable_streams
 
 UPRIGHT = number("audit.quaternions.upright")
@@ -27,13 +29,18 @@ SWAPPED = number("audit.quaternions.swapped")
 UNIT_WITHIN = number("audit.quaternions.unit_within")
 
 
+GYRO = ("gyro_x", "gyro_y", "gyro_z")
+
+
 @dataclass(frozen=True)
 class Order:
-    """name of the order that fits; upright: mean cos(tilt) of the first seconds as read; fitting: with that order."""
+    """reading that fits; upright: mean cos(tilt) of the first seconds as read; fitting: with that order; evidence: in
+    words, empty where being upright shows it."""
 
-    name: str
+    reading: Reading
     upright: float
     fitting: float
+    evidence: str = ""
 
 
 def quaternion_orders(context: Context) -> dict[str, Order]:
@@ -59,9 +66,23 @@ def quaternion_orders(context: Context) -> dict[str, Order]:
         clear = swapped > SWAPPED and (
             as_read < UPRIGHT or (angles["x, y, z, w"] > AGREES_RAD and angles["w, x, y, z"] < 0.5 * AGREES_RAD)
         ) and not (name == "mocap" and _flies_as_read(context))
-        label = "w, x, y, z" if clear else "x, y, z, w"
-        found[name] = Order(label, as_read, tilts[label])
+        base = SCALAR_FIRST if clear else AS_STORED
+        reading, evidence = reading_of((t, q), _path(context) if name == "mocap" else None, _gyro(context), base)
+        found[name] = Order(reading, as_read, float(np.mean(_up(reading.of(q)[t <= t[0] + FIRST_S]))), evidence)
     return found
+
+
+def _path(context: Context) -> Samples | None:
+    time_s, position, _ = context.once(seen_poses)
+    return (time_s, position) if len(time_s) else None
+
+
+def _gyro(context: Context) -> Samples | None:
+    stream = context.once(usable_streams).get("imu")
+    if stream is None or not all(q in stream.quantities for q in GYRO):
+        return None
+    fine = np.isfinite(stream[GYRO]).all(axis=1) & (stream.time_s <= context.once(alive_until)["imu"])
+    return (stream.time_s[fine], stream[GYRO][fine]) if fine.sum() > 20 else None
 
 
 def _flies_as_read(context: Context) -> bool:

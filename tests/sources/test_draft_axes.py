@@ -142,3 +142,23 @@ def test_a_unit_that_is_not_known_is_a_question(tmp_path):
     draft = draft_columns(tmp_path / "f.csv")
     assert ("mocap", "px") not in draft.mapped
     assert "its unit 'ft' is none of m, mm, cm; convert it" in draft.questions[0]
+
+
+@pytest.mark.parametrize("gyro", [True, False])
+@pytest.mark.parametrize(("stored", "read"), [
+    (lambda q: q * [-1, -1, -1, 1], [("qx", -1), ("qy", -1), ("qz", -1), ("qw", 1)]),
+    (lambda q: q[:, [3, 0, 1, 2]], [("qy", 1), ("qz", 1), ("qw", 1), ("qx", 1)]),
+    (lambda q: q[:, [1, 2, 3, 0]], [("qw", 1), ("qx", 1), ("qy", 1), ("qz", 1)]),
+])
+def test_quaternions_are_read_as_the_flight_shows(tmp_path, stored, read, gyro):
+    t, p, _, _, turn, w = flown()
+    columns = {"t": t, **{n: p[:, i] for i, n in enumerate("xyz")}}
+    columns |= {f"q{n}": stored(turn.as_quat())[:, i] for i, n in enumerate("xyzw")}
+    columns |= {f"gyro_{n}": w[:, i] for i, n in enumerate("xyz")} if gyro else {}
+    rows = [",".join(columns), *(",".join(f"{c:.6g}" for c in row) for row in zip(*columns.values(), strict=True))]
+    (tmp_path / "flight.csv").write_text("\n".join(rows) + "\n")
+    draft = draft_columns(tmp_path / "flight.csv")
+    signs = [-1 if f"column = \"{column}\", unit = \"1\", sign = -1" in draft.text else 1 for column, _ in read]
+    assert [draft.mapped["mocap", q][0] for q in ("qx", "qy", "qz", "qw")] == [column for column, _ in read]
+    assert signs == [sign for _, sign in read]
+    assert any("read so, since" in note for note in draft.notes)

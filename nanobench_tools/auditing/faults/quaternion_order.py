@@ -1,9 +1,14 @@
-"""quaternion_order: quaternions stored w, x, y, z where x, y, z, w belongs.
+"""quaternion_order: quaternions with the scalar in another place, or inverted (world to body).
 
 Found by a vehicle that would not be upright. The mean cosine of the tilt over the first 3 s is below 0.5 as read and
 above 0.9 in the other order (real flights have 0.97-1.00). Where the heading hides that, the estimated Euler angles
 decide. One order differs from them by more than 0.5 rad and the other by less than 0.25. The checks that use the
-motion capture go on with the right order. A conjugate (world to body) is ``sign`` of the rates.
+motion capture go on with the right order.
+
+Inverted quaternions, and x, y, z, w read as w, x, y, z, are upright, too. They are found by the flight. The tilt must
+correlate with the acceleration of the path, and the turning with the gyro, by 0.8 or more in the right reading. As read
+it is less by 0.1 or more, in both where both are known. The gyro alone decides only if no other axes of the IMU explain
+it.
 
 Size: mean cosine of the tilt as read. Smallest found: any.
 """
@@ -15,7 +20,7 @@ from ...signals.context import Context
 from ...signals.quaternion_lengths import STREAMS
 from ...signals.quaternions import quaternion_orders
 from .kind import FaultKind
-from .making import over_stream
+from .making import SINCE, over_stream
 
 KIND = "quaternion_order"
 
@@ -24,8 +29,10 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     """One fault per stream with another order."""
     faults = []
     for name, order in context.once(quaternion_orders).items():
-        if order.name == "x, y, z, w":
+        if order.reading.as_stored:
             continue
+        evidence = order.evidence or (f"as x, y, z, w the mean cosine of tilt is {order.upright:.2f}, "
+                                      f"as {order.reading.order} {order.fitting:.2f}")
         faults.append(
             over_stream(
                 KIND,
@@ -34,14 +41,14 @@ def find(flight: Flight, context: Context) -> list[Fault]:
                 STREAMS[name],
                 order.upright,
                 "1",
-                f"as x, y, z, w the mean cosine of tilt is {order.upright:.2f}, as {order.name} {order.fitting:.2f}",
+                f"the quaternions of {name} are {order.reading.meaning}: {order.reading.change}{SINCE}{evidence}",
             )
         )
     return faults
 
 
 FAULT = FaultKind(KIND, find, __doc__,
-                  told="quaternions of {streams} are in the order w, x, y, z",
-                  advice="map the columns again: nanobench columns FILE",
+                  told="{evidence}",
+                  advice="write this into the column map; nanobench columns FILE drafts one",
                   cuts=True, cuts_trim=False, whole=True,
                   injection="nanobench_tools.practice.inject.room:QUATERNION_ORDER")
