@@ -19,6 +19,7 @@ from .sender_timestamps import time_offset_from_ticks
 from .time_offset import TimeOffset
 
 BLOCK_S = number("retiming.confirm.block_s")
+LEAST_LOG_RATIO = number("retiming.confirm.least_log_ratio")
 
 ESTIMATED, SENSED = ("attitude", "velocity", "position"), ("gyro", "acceleration")
 
@@ -56,10 +57,10 @@ def believed(context: Context, kinds: tuple[str, ...] = tuple(KINDS)) -> TimeOff
     measured, and nothing has to be inferred.
 
     Without the estimated position, a moving error has to explain the voting streams better than every constant does.
-    Its freedom is counted (``TimeOffset.log_ratio`` above zero). No other stream is looked at. With it that does not
-    suffice, as an error of the estimate looks like time along the track. The clock of the estimates alone must then
-    make the gyro, which did not set it, agree better with the motion capture. The gain (``gain_on``) must exceed twice
-    the standard error.
+    Its freedom is counted, and noise alone must not explain the gain (``TimeOffset.log_ratio`` above LEAST_LOG_RATIO).
+    No other stream is looked at. With it that does not suffice, as an error of the estimate looks like time along the
+    track. The clock of the estimates alone must then make the gyro, which did not set it, agree better with the motion
+    capture. The gain (``gain_on``) must exceed twice the standard error.
     """
     measured = time_offset_from_ticks(context)
     if measured is not None:
@@ -84,9 +85,10 @@ def _likelier(context: Context, have: tuple[str, ...]) -> tuple[TimeOffset | Non
         return None, "no gyro that the motion capture predicts"
     ratio = time_offset.log_ratio
     reason = f"{', '.join(have)} are likelier with a moving than with a constant clock by exp({ratio:.0f})"
-    if ratio > 0.0:
+    if ratio > LEAST_LOG_RATIO:
         return time_offset, reason
-    return replace(time_offset, moving=False), f"no moving error shown: {reason}"
+    return replace(time_offset, moving=False), (f"no moving error shown: {reason}; noise alone reaches "
+                                                f"exp({LEAST_LOG_RATIO:.0f})")
 
 
 def _confirmed(context: Context, have: tuple[str, ...]) -> tuple[TimeOffset | None, str]:
