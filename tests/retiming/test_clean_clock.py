@@ -33,9 +33,9 @@ def flown(rate_hz, seed, gyro_rad_s, wander_s=0.0):
     imu = np.hstack([rate, np.zeros_like(rate)]) + noise
     imu[:, 5] += force[:, 0]
     late = t + wander_s * np.sin(2.0 * np.pi * t / 1.7)
+    inertial = ("gyro_x", "gyro_y", "gyro_z", "acc_x", "acc_y", "acc_z")
     return Flight("f", {"mocap": make_stream("mocap", t, poses, ("px", "py", "pz", "qx", "qy", "qz", "qw")),
-                        "imu": make_stream("imu", late, imu, ("gyro_x", "gyro_y", "gyro_z", "acc_x", "acc_y", "acc_z"))},
-                  {}, None)
+                        "imu": make_stream("imu", late, imu, inertial)}, {}, None)
 
 
 @pytest.mark.parametrize("rate_hz", [40.0, 100.0])
