@@ -27,12 +27,13 @@ from scipy.optimize import least_squares
 from identification.greybox.fit import GreyBox
 from identification.greybox.fit_windows import cases_of, cut, gather
 from identification.greybox.ladder import FULL
-from identification.greybox.ranges import bounds, held, priors
+from identification.greybox.ranges import held, priors
 from identification.greybox.residuals import HORIZONS, errors
 from identification.greybox.sensitivity import _tangent
 from identification.greybox.solve import Problem, solve, usual_errors
 from nanobench_tools.auditing.selection import distinct
 from nanobench_tools.physics import Model, Vehicle
+from nanobench_tools.physics.fit_bounds import bounds
 from nanobench_tools.physics.numeric import rollout as numpy_rollout
 from nanobench_tools.physics.rollout import rollout
 from nanobench_tools.practice.flights import write_practice

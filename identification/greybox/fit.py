@@ -14,6 +14,7 @@ from nanobench_tools.flight import Flight
 from nanobench_tools.methods import Prediction, Windows
 from nanobench_tools.metrics.statistics import UNKNOWN, why_not
 from nanobench_tools.physics import Model, Vehicle
+from nanobench_tools.physics.fit_bounds import bounds
 from nanobench_tools.physics.model import find_term, typical
 from nanobench_tools.protocols.sessions import sessions_of
 from nanobench_tools.protocols.task1 import Case
@@ -29,7 +30,7 @@ from .flyability import flies
 from .ladder import FULL, HEAVY, Terms
 from .nuisance import SCALE, STARTS, TILT, TRIMS, terms_of
 from .parameter_intervals import FEWEST_FLIGHTS, bootstrap, not_identified, profile
-from .ranges import bounds, falling_thrust, held, priors
+from .ranges import falling_thrust, held, priors
 from .solve import Nuisance, Prior, Problem, Solution, solve, usual_errors
 from .symmetry import joined
 from .window_gains import learn_gains

@@ -18,17 +18,6 @@ from .solve import Prior
 MEAN_SD = number("greybox.ranges.mean_sd")
 
 
-def bounds(model: Model) -> tuple[np.ndarray, np.ndarray]:
-    """(lower, upper) (P,): the terms' own bounds, narrowed to what a fit may find (``Parameter.fitted``)."""
-    lower, upper = model.lower.copy(), model.upper.copy()
-    for i, slot in enumerate(model.slots):
-        fitted = slot.parameter.fitted
-        if fitted is not None:
-            low, high = fitted(model.vehicle)[slot.element] if callable(fitted) else fitted[:2]
-            lower[i], upper[i] = max(lower[i], low), min(upper[i], high)
-    return lower, upper
-
-
 def priors(model: Model) -> tuple[Prior, ...]:
     """Soft terms of a fit of ``model``: means that are given by definition, then what its terms believe, from the
     motors inwards."""

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from identification.greybox.ranges import bounds
 from nanobench_tools import so3
 from nanobench_tools.physics import Model
+from nanobench_tools.physics.fit_bounds import bounds
 from nanobench_tools.physics.model import QUATERNION, RATE
 from nanobench_tools.physics.rollout import rollout
 from nanobench_tools.results import array_fields

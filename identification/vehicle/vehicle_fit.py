@@ -3,6 +3,7 @@
 Every parameter has a prior with a source. Where flights identify it, both are weighed by their variances. That of the
 flights comes from drawing sessions and flights within them, and from the systematic error of the method. What rows of
 10 ms in closed loop cannot show (lag, yaw moment, shape of the thrust curve, damping) keeps its prior and is marked.
+Measured rotor speed shows lag and inertia, where flights have it.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from nanobench_tools.protocols.task1 import Case
 from nanobench_tools.results.fitted_values import Estimate
 from nanobench_tools.settings import number
 
+from .measured_motors import Measured, measured_motors
 from .motion_sums import BAND_HZ, EDGE_SHARE, SHORTEST_S, MotionSums, motion_sums
 from .vehicle_priors import Priors, PriorsFile, priors_of
 
@@ -45,8 +47,11 @@ FEWEST_FLIGHTS = 3
 """Fewer flights give no interval between flights."""
 INDEPENDENT_S = 1.0
 """Disturbances last about so long."""
-OTHER_MOTORS = ("the thrust is not that of the motors behind the priors, but lag and yaw moment are theirs: give your "
-                "own with a priors file")
+OTHER_MOTORS = number("vehicle.vehicle_fit.other_motors")
+OTHERS = ("the thrust is not that of the motors behind the priors: {} of these motors {} not known and {} a wide "
+          "prior; give your own with a priors file")
+"""What of the motors is a prior."""
+LAGS = ("motor_lag.tau_up_s", "motor_lag.tau_down_s")
 TERMS = ("thrust_voltage", "thrust_scale", "motor_imbalance", "command_delay", "motor_lag", "inertia", "yaw_torque",
          "angular_damping", "drag_linear", "drag_torque")
 
@@ -89,21 +94,27 @@ def fit_vehicle(cases: Sequence[Case], vehicle: Vehicle | None = None, seed: int
     """
     vehicle = vehicle or Vehicle()
     known = priors_of(vehicle, priors)
-    lag_s = float(np.mean([known.believed[f"motor_lag.tau_{way}_s"].mean for way in ("up", "down")]))
-    found = _sums(cases, vehicle, known, lag_s)
+    measured = measured_motors(cases, vehicle, seed)
+    found = _sums(cases, vehicle, known, measured)
+    others = ""
     if known.note:
         hover_V = float(np.mean([flight.volts for flight in found]))
         known = known.scaled_to(hover_V, vehicle.mass_kg * vehicle.gravity_m_s2 / vehicle.rotors)
-        found = _sums(cases, vehicle, known, lag_s)
+        found = _sums(cases, vehicle, known, measured)
+    elif known.others and _other_motors(found, known.believed["thrust_scale.s"]):
+        known = known.of_other_motors()
+        found = _sums(cases, vehicle, known, measured)
+        held = ("yaw moment", "is", "has") if measured else ("lag and yaw moment", "are", "have")
+        others = OTHERS.format(*held)
     labels = np.array([(sessions or sessions_of([case.flight for case in cases])).get(f.name, UNKNOWN) for f in found])
     counts = np.vstack([np.ones(len(found)), refit_weights(len(found), labels, seed, DRAWS)])
-    weighed = _weighed(found, counts, known, vehicle, np.random.default_rng(seed))
+    weighed = _weighed(found, counts, known, measured, vehicle, np.random.default_rng(seed))
     model, draws = _models(weighed, vehicle)
     why = f"fewer than {FEWEST_FLIGHTS} flights" if len(found) < FEWEST_FLIGHTS else why_not(len(found), labels)
     parameters = {name: _estimate(weighed[name], value, unit, column, why, len(found))
                   for name, value, unit, column in zip(model.names, model.values.tolist(), model.units, draws.T,
                                                        strict=True)}
-    notes = [known.note, OTHER_MOTORS if weighed["thrust_scale.s"].note else "",
+    notes = [known.note, others,
              *(f"{name}: {weighed[name].note}" for name in model.names if weighed[name].note)]
     levels = np.array([flight.level for flight in found])
     spread = thrust_spread(levels)
@@ -133,7 +144,26 @@ def _sentences(known: Priors) -> tuple[str, ...]:
         f"({beliefs[0].source})" for name, beliefs in groups.items()))
 
 
-def _sums(cases: Sequence[Case], vehicle: Vehicle, known: Priors, lag_s: float) -> list[MotionSums]:
+def _other_motors(found: Sequence[MotionSums], level: Belief) -> bool:
+    """Whether the flights' thrust is far from that of the motors behind the priors."""
+    off = float(np.mean([flight.level for flight in found])) - level.mean
+    return abs(off) > OTHER_MOTORS * level.sd
+
+
+def _lags(known: Priors, measured: Mapping[str, Measured]) -> tuple[float, float]:
+    """Mean of the lags up and down, and its standard deviation [s], of priors and measured rotor speed."""
+    means, sds = [], []
+    for name in LAGS:
+        belief, seen = known.believed[name], measured.get(name)
+        share = 1.0 if seen is None else seen.sd**2 / (seen.sd**2 + belief.sd**2)
+        means.append(share * belief.mean + (0.0 if seen is None else (1.0 - share) * seen.value))
+        sds.append(np.sqrt(share) * belief.sd)
+    return float(np.mean(means)), float(np.mean(sds))
+
+
+def _sums(cases: Sequence[Case], vehicle: Vehicle, known: Priors,
+          measured: Mapping[str, Measured]) -> list[MotionSums]:
+    lag_s = _lags(known, measured)[0]
     found = [sums for case in cases for sums in [motion_sums(case, vehicle, known.curve, lag_s)] if sums is not None]
     if not found:
         place = cases[0].flight.provenance.path if cases else "data"
@@ -142,8 +172,8 @@ def _sums(cases: Sequence[Case], vehicle: Vehicle, known: Priors, lag_s: float) 
     return found
 
 
-def _weighed(found: Sequence[MotionSums], counts: np.ndarray, known: Priors, vehicle: Vehicle,
-             rng: np.random.Generator) -> dict[str, _Weighed]:
+def _weighed(found: Sequence[MotionSums], counts: np.ndarray, known: Priors, measured: Mapping[str, Measured],
+             vehicle: Vehicle, rng: np.random.Generator) -> dict[str, _Weighed]:
     """Every parameter of the model. counts (1 + D, F): how often each flight counts; the first row is the estimate."""
 
     def weigh(name: str, values: np.ndarray, share: float, noise: float = 0.0) -> _Weighed:
@@ -155,6 +185,8 @@ def _weighed(found: Sequence[MotionSums], counts: np.ndarray, known: Priors, veh
     held = {name: hold(name) for name in known.believed
             if name.startswith(("motor_lag.", "command_delay.", "yaw_torque.", "angular_damping.", "drag_linear.d[2]",
                                 "inertia.inertia_kg_m2[2]"))}
+    seen = {name: weigh(name, np.full(len(counts), value.value), 0.0, value.sd) for name, value in measured.items()}
+    held |= {name: value for name, value in seen.items() if name in held}
     # draws keep one shape of the curve: coefficients trade against each other, and the level belongs to the shape
     curve = {f"thrust_voltage.c[{k}]": _Weighed(np.full(len(counts), c), 1.0, Belief(c, sd, known.curve_source))
              for k, (c, sd) in enumerate(zip(known.curve, known.curve_sd, strict=True))}
@@ -176,9 +208,9 @@ def _weighed(found: Sequence[MotionSums], counts: np.ndarray, known: Priors, veh
 
     c = moment_of_air(inertia)
     j = (s[:, None] * turning[:, :, 1] - damping * turning[:, :, 2] - c[:, None] * turning[:, :, 3]) / turning[:, :, 0]
-    inertia_sd = float(np.hypot(INERTIA_SD, _lag_share(known)))
+    inertia_sd = float(np.hypot(INERTIA_SD, _lag_share(known, measured)))
     turned = {name: weigh(name, j[:, i], inertia_sd, s[0] * _noise(*turning[0, i, [0, 1, 4]]))
-              for i, name in enumerate(names)}
+              for i, name in enumerate(names)} | {name: seen[name] for name in names if name in seen}
     c = moment_of_air(np.stack([turned[name].values for name in names], axis=1))
     moment = weigh("drag_torque.c", c, AIR_MOMENT_SD, s[0] * _noise(*air[0][:, [0, 1, 4]].sum(axis=0)))
     gains = counts @ np.array([_trim(flight, float(s[0]), float(moment.values[0]), vehicle) for flight in found])
@@ -187,14 +219,13 @@ def _weighed(found: Sequence[MotionSums], counts: np.ndarray, known: Priors, veh
     return {**curve, "thrust_scale.s": level, **g, **d, **turned, "drag_torque.c": moment, **held}
 
 
-def _lag_share(known: Priors) -> float:
+def _lag_share(known: Priors, measured: Mapping[str, Measured]) -> float:
     """Standard deviation of an inertia, as a share, that follows from that of the motors' lag.
 
     Slope at t = tau of the scale (1 + w^2 tau t) / (1 + w^2 tau^2). A lag tau for a true lag t scales the moment in
     phase with the angular acceleration by this, at the angular frequency w.
     """
-    lags = [known.believed[f"motor_lag.tau_{way}_s"] for way in ("up", "down")]
-    lag_s, sd_s = (float(np.mean([getattr(lag, name) for lag in lags])) for name in ("mean", "sd"))
+    lag_s, sd_s = _lags(known, measured)
     turns = (2.0 * np.pi * float(np.mean(BAND_HZ)) * lag_s) ** 2
     return sd_s / lag_s * turns / (1.0 + turns)
 

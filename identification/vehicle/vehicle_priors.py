@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from nanobench_tools.physics.model import find_term
 from nanobench_tools.physics.term import Belief, Parameter
 
 SCHEMA = "nanobench-priors/1"
-HEAD = {"schema", "vehicle", "thrust_curves"}
+HEAD = {"schema", "vehicle", "thrust_curves", "other_motors"}
 ENTRY = {"mean", "sd", "unit", "source"}
 SCALED_SD = 0.5
 """Of the mean: least standard deviation of a number that is scaled from another vehicle. A factor of two is likely."""
@@ -57,7 +57,8 @@ class PriorsFile:
 @dataclass(frozen=True)
 class Priors:
     """``believed``: by name of the parameter (``inertia.inertia_kg_m2[0]``); ``curve`` (K,) N/V^k: mean thrust curve of
-    one motor, with ``curve_sd`` (K,) and source; ``note``: empty, or what was scaled from which vehicle."""
+    one motor, with ``curve_sd`` (K,) and source; ``note``: empty, or what was scaled from which vehicle; ``others``:
+    what replaces ``believed`` for motors of another kind, where the user gave no prior."""
 
     vehicle: str
     believed: Mapping[str, Belief]
@@ -65,6 +66,11 @@ class Priors:
     curve_sd: np.ndarray
     curve_source: str
     note: str = ""
+    others: Mapping[str, Belief] = field(default_factory=dict)
+
+    def of_other_motors(self) -> Priors:
+        """For motors that push far more or less than those behind the shipped priors."""
+        return replace(self, believed={**self.believed, **self.others})
 
     def scaled_to(self, hover_V: float, weight_N: float) -> Priors:
         """The curve so that a motor carries ``weight_N`` at ``hover_V`` volt, with its shape kept.
@@ -74,8 +80,7 @@ class Priors:
         volts = np.linspace(0.5, 4.5, 401)
         usual_V = float(np.interp(REFERENCE_THRUST_N, np.polynomial.polynomial.polyval(volts, self.curve), volts))
         factor = weight_N / REFERENCE_THRUST_N * (usual_V / hover_V) ** np.arange(len(self.curve))
-        return Priors(self.vehicle, self.believed, self.curve * factor, self.curve_sd * factor, self.curve_source,
-                      self.note)
+        return replace(self, curve=self.curve * factor, curve_sd=self.curve_sd * factor)
 
 
 def priors_of(vehicle: Vehicle, given: PriorsFile | None = None) -> Priors:
@@ -86,23 +91,27 @@ def priors_of(vehicle: Vehicle, given: PriorsFile | None = None) -> Priors:
     shipped = tomllib.loads(resources.files("identification.vehicle").joinpath("priors.toml").read_text("utf-8"))
     about = shipped["vehicle"]
     found = _beliefs(shipped, "priors.toml", vehicle.rotors)
+    others = _beliefs(shipped["other_motors"], "priors.toml", vehicle.rotors)
     curves = shipped["thrust_curves"]
     lever = float(np.mean(np.abs(vehicle.motor_positions_m)))
     (light, heavy), (short, long) = about["mass_range_kg"], about["lever_range_m"]
     note = ""
     if not (light <= vehicle.mass_kg <= heavy and short <= lever <= long):
+        others = {}
         note = (f"priors are scaled from a {about['name']} of {1e3 * about['mass_kg']:g} g to {vehicle.mass_kg:g} kg "
                 f"with {1e3 * lever:.3g} mm from motor to axis: give your own with a priors file")
         found = {name: _scaled(name, belief, vehicle.mass_kg / about["mass_kg"], lever / about["lever_m"])
                  for name, belief in found.items()}
     if given is not None:
         tables = given.tables()
-        found |= _beliefs(tables, given.place, vehicle.rotors)
+        own = _beliefs(tables, given.place, vehicle.rotors)
+        found |= own
+        others = {name: belief for name, belief in others.items() if name not in own}
         curves = tables.get("thrust_curves", curves)
     c = _curves(curves, given.place if given is not None else "priors.toml")
     sources = "; ".join(str(entry["source"]) for entry in curves)
     sd = c.std(axis=0, ddof=1) if len(c) > 1 else np.zeros(c.shape[1])
-    return Priors(about["name"], found, c.mean(axis=0), sd, f"mean of {len(c)} curves: {sources}", note)
+    return Priors(about["name"], found, c.mean(axis=0), sd, f"mean of {len(c)} curves: {sources}", note, others)
 
 
 def _beliefs(tables: Mapping[str, Any], place: str, rotors: int) -> dict[str, Belief]:

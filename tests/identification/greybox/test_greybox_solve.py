@@ -13,10 +13,11 @@ from made_windows import TERMS, made_windows, true_model
 
 from identification.greybox.nuisance import SCALE, TRIMS
 from identification.greybox.parameter_intervals import bootstrap, information, not_identified, profile
-from identification.greybox.ranges import bounds, held, priors
+from identification.greybox.ranges import held, priors
 from identification.greybox.residuals import HORIZONS, errors
 from identification.greybox.sensitivity import sensitivities
 from identification.greybox.solve import Problem, solve
+from nanobench_tools.physics.fit_bounds import bounds
 from nanobench_tools.physics.rollout import rollout
 
 MEAN_ONE = tuple(p for p in priors(true_model()) if len(p.names) == 4)

@@ -18,7 +18,6 @@ from identification.greybox.balance_features import BEFORE, balance, newest
 from identification.greybox.fit import nuisances_of
 from identification.greybox.fitted_predictor import GreyBoxPredictor
 from identification.greybox.nuisance import STARTS, terms_of
-from identification.greybox.ranges import bounds
 from identification.greybox.residuals import HORIZONS
 from identification.greybox.sensitivity import sensitivities
 from identification.greybox.solve import Problem
@@ -28,6 +27,7 @@ from identification.greybox.window_gains import _seen, learn_gains
 from nanobench_tools import so3
 from nanobench_tools.flight import Span
 from nanobench_tools.physics import Vehicle
+from nanobench_tools.physics.fit_bounds import bounds
 from nanobench_tools.physics.inputs import rows, warmed
 from nanobench_tools.physics.rollout import rollout
 from nanobench_tools.protocols.windows import cut_windows

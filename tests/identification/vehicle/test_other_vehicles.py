@@ -45,7 +45,7 @@ def test_an_unsure_lag_leaves_the_inertia_to_its_prior(monkeypatch):
 
     cases = [Case(flight, [Span(0.5, 14.5)], ("all",)) for flight in completed(flights_of(model_of(4, 0.5, 0.15), 3))]
     unsure = fit_vehicle(cases, sized(0.5, 0.15)).parameters["inertia.inertia_kg_m2[0]"]
-    monkeypatch.setattr(vehicle_fit, "_lag_share", lambda known: 0.0)
+    monkeypatch.setattr(vehicle_fit, "_lag_share", lambda known, measured: 0.0)
     sure = fit_vehicle(cases, sized(0.5, 0.15)).parameters["inertia.inertia_kg_m2[0]"]
     assert unsure.prior_share > 2.0 * sure.prior_share
     assert np.diff(unsure.ci95) > np.diff(sure.ci95)
@@ -56,5 +56,8 @@ def test_motors_of_another_kind_are_said():
     strong = [replace(case, flight=replace(case.flight, streams={
         **case.flight.streams, "motor": replace(case.flight["motor"], values=0.6 * case.flight["motor"].values)}))
         for case in cases]
-    assert any("lag and yaw moment" in note for note in fit_vehicle(strong, sized(0.03)).notes)
+    other = fit_vehicle(strong, sized(0.03))
+    assert any("lag and yaw moment" in note for note in other.notes)
+    assert other.parameters["motor_lag.tau_down_s"].ci95[0] < 0.03
+    assert other.parameters["motor_lag.tau_down_s"].ci95[1] > 0.12
     assert not any("lag and yaw moment" in note for note in fit_vehicle(cases, sized(0.03)).notes)
