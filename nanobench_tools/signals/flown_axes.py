@@ -50,11 +50,12 @@ CLIMBS_M = number("audit.flown_axes.climbs_m")
 @dataclass(frozen=True)
 class Tilt:
     """upright: mean cosine between the body axis and the world axis; follows: correlation of its tilt with the
-    acceleration; slope: their ratio in 1/g."""
+    acceleration; slope: their ratio in 1/g; each: correlation along the axis that follows least."""
 
     upright: float
     follows: float
     slope: float
+    each: float
 
     @property
     def flies(self) -> bool:
@@ -96,13 +97,16 @@ def tilts_of(time_s: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -
         for up in range(3):
             across = [k for k in range(3) if k != up]
             tilt, force = moving[:, across].ravel(), pull[:, across].ravel()
+            size = np.sqrt((moving[:, across] ** 2).sum(axis=0) * (pull[:, across] ** 2).sum(axis=0))
+            each = (moving[:, across] * pull[:, across]).sum(axis=0) / np.maximum(size, 1e-12)
             power = float(force @ force)
             product = float(tilt @ force)
             follows = product / max(np.sqrt(power * float(tilt @ tilt)), 1e-12)
             for sign in (1, -1):
                 for world in (1, -1):
                     found[(up, world), (axis, sign)] = Tilt(world * sign * float(mean[up]), sign * follows,
-                                                            sign * product / max(power, 1e-12))
+                                                            sign * product / max(power, 1e-12),
+                                                            float((sign * each).min()))
     return found
 
 

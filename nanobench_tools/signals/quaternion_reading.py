@@ -80,13 +80,15 @@ class _Fit:
 
     - path: tilt against acceleration; other_axes: the same with other axes of world and body up;
     - gyro: turning against the gyro; sensor: the same with a gyro in any other axes;
-    - ground: axes that may point up."""
+    - ground: axes that may point up;
+    - each: as ``path``, of the horizontal axis that follows least."""
 
     path: float
     other_axes: float
     gyro: float
     sensor: float
     ground: frozenset[Axis]
+    each: float
 
 
 def reading_of(attitude: Samples, path: Samples | None, gyro: Samples | None, base: Reading = AS_STORED
@@ -123,7 +125,8 @@ def _better(fit: _Fit, start: _Fit) -> bool:
     if not math.isnan(fit.gyro) and not any(drops):
         return True
     blind = math.isnan(fit.gyro) or (start.gyro < FITS < fit.sensor)  # no gyro, or one in other axes
-    return blind and not drops[0] and (UP in start.ground or start.other_axes < fit.path - CLEARLY)
+    # one axis alone may as well be in another unit
+    return blind and fit.each > FITS and not drops[0] and (UP in start.ground or start.other_axes < fit.path - CLEARLY)
 
 
 def _upright(quaternion: np.ndarray) -> bool:
@@ -133,17 +136,17 @@ def _upright(quaternion: np.ndarray) -> bool:
 
 def _fit(reading: Reading, attitude: Samples, path: Samples | None, gyro: Samples | None) -> _Fit:
     time_s, q = attitude[0], reading.of(attitude[1])
-    follows, others, ground = math.nan, math.nan, frozenset[Axis]()
+    follows, others, each, ground = math.nan, math.nan, math.nan, frozenset[Axis]()
     if path is not None:
         on_path = np.stack([np.interp(time_s, path[0], p) for p in path[1].T], axis=1)
         if tilts := tilts_of(time_s, on_path, q):
-            follows, ground = tilts[UP, UP].follows, frozenset(ground_axes_of(*path))
+            follows, each, ground = tilts[UP, UP].follows, tilts[UP, UP].each, frozenset(ground_axes_of(*path))
             others = max((t.follows for axes, t in tilts.items() if axes != (UP, UP) and t.upright > UPRIGHT),
                          default=-1.0)
     k = None if gyro is None else _turning(time_s, q, *gyro)
     straight, sensor = (math.nan, math.nan) if k is None else (
         float(np.trace(k, axis1=1, axis2=2).max()), float(np.einsum("rij,lij->rl", ROTATIONS, k).max()))
-    return _Fit(follows, others, straight, sensor, ground)
+    return _Fit(follows, others, straight, sensor, ground, each)
 
 
 def _turning(time_s: np.ndarray, quaternion: np.ndarray, gyro_s: np.ndarray, gyro: np.ndarray) -> np.ndarray | None:

@@ -15,7 +15,7 @@ from nanobench_tools.sources.lost_poses import placeholders, without_placeholder
 POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
 
 
-def circle(rate_hz=100.0, centre=(0.0, 0.0), digits=5, seed=1):
+def circle(rate_hz=100.0, centre=(0.0, 0.0), digits=5, seed=1, noise=1.0):
     """8 s: stands, flies a circle of 0.8 m at 1 m, lands."""
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, 8.0, 1.0 / rate_hz)
@@ -23,10 +23,10 @@ def circle(rate_hz=100.0, centre=(0.0, 0.0), digits=5, seed=1):
     angle = 1.4 * np.clip(t - 1.0, 0.0, 6.0)
     height = 0.02 + rise * rise * (3 - 2 * rise)
     p = np.stack([centre[0] + 0.8 * np.cos(angle), centre[1] + 0.8 * np.sin(angle), height], axis=1)
-    p += 3e-4 * rng.standard_normal(p.shape)
+    p += noise * 3e-4 * rng.standard_normal(p.shape)
     tilt = 0.06 * rise[:, None] * np.stack([np.sin(angle), -np.cos(angle)], axis=1)
-    tilt += 1e-3 * rng.standard_normal(tilt.shape)
-    yaw = 0.3 + 0.002 * rng.standard_normal(len(t))
+    tilt += noise * 1e-3 * rng.standard_normal(tilt.shape)
+    yaw = 0.3 + noise * 0.002 * rng.standard_normal(len(t))
     q = np.column_stack([tilt / 2.0, np.sin(yaw / 2.0), np.cos(yaw / 2.0)])
     q /= np.linalg.norm(q, axis=1, keepdims=True)
     return t, np.round(np.column_stack([p, q]), digits)
@@ -140,3 +140,28 @@ def test_other_columns_of_the_row_are_missing_too():
     assert np.isnan(read["mocap"].values[300:320]).all()
     assert np.isfinite(np.delete(read["mocap"].values, slice(300, 320), axis=0)).all()
     assert "20 rows hold no pose" in read.provenance.notes[0]
+
+
+@pytest.mark.parametrize("lose", [None, not_numbers, held])
+def test_a_tracker_without_noise_at_rest_lost_no_vehicle_on_the_ground(lose):
+    """Its poses repeat before take-off and after landing. What it loses in the air is found all the same."""
+    t, pose = circle(noise=0.0, rate_hz=30.0)
+    if lose is not None:
+        lose(pose, slice(90, 105))
+    found = [f for f in audit(flight(t, pose)).faults if f.kind != "interpolated"]
+    assert [f.kind for f in found] == ([] if lose is None else ["mocap_occlusion"])
+    assert all(3.0 - 0.1 < f.start_s < f.end_s < 3.5 + 0.1 for f in found)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+def test_poses_that_stop_in_the_air_are_lost_to_the_end(noise):
+    t, pose = circle(noise=noise, rate_hz=30.0)
+    pose[150:] = pose[149]
+    found = [f for f in audit(flight(t, pose)).faults if f.kind == "dead_stream"]
+    assert [round(f.start_s, 1) for f in found] == [5.0]
+
+
+def test_a_noisy_tracker_that_stands_still_on_the_ground_is_dead():
+    t, pose = circle(rate_hz=30.0)
+    pose[225:] = pose[224]
+    assert "dead_stream" in {f.kind for f in audit(flight(t, pose)).faults}

@@ -12,7 +12,8 @@ log stopped in the air compares start_s with ``airborne``.
 
 Size: seconds from the last packet to the end. Smallest found: 0.1 s, or 5 packets of a stream slower than 50 Hz
 (shorter ends are lost to the radio by chance). Times are right to one packet. Not found: the death of a stream that
-held still before, such as a setpoint in hover, if no other stream died with it.
+held still before, such as a setpoint in hover, if no other stream died with it, and poses that stand still after a
+landing where they did so before take-off (a tracker without noise at rest).
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from ...flight import Fault, Flight
 from ...signals.airborne import airborne_spans
 from ...signals.context import Context
 from ...signals.dropouts import PACKETS, SHORTEST_S, dropouts_of
+from ...signals.held_poses import first_rest
 from ...signals.packet_rows import packets_of
 from ...signals.usable_rows import usable_streams
 from .kind import FaultKind
@@ -35,7 +37,10 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     for name, dropout in context.once(dropouts_of).items():
         lasts = dropout.to_s - dropout.from_s
         how = "run along a straight line" if dropout.moving else "stand still"
-        where = "in the air" if any(s.start_s < dropout.from_s < s.end_s for s in air) else "on the ground"
+        flying = any(s.start_s < dropout.from_s < s.end_s for s in air)
+        if name == "mocap" and air and not flying and not dropout.moving and context.once(first_rest):
+            continue
+        where = "in the air" if flying else "on the ground"
         faults.append(
             Fault(KIND, name, streams[name].columns, dropout.from_s, dropout.to_s, lasts, "s",
                   f"last packet of {name} at {dropout.from_s:.2f} s ({where}); the {lasts:.2f} s to the last row {how}",

@@ -2,7 +2,8 @@
 
 Found where poses are not numbers, repeat the pose before exactly, or lie on a straight line between two frames (chord
 test). The noise of a tracker excludes both. Frames that are missing altogether are a ``gap`` of the motion capture.
-Standing still to the end of the recording is ``dead_stream``.
+Standing still to the end of the recording is ``dead_stream``. A tracker that repeats one pose while the vehicle rests
+before take-off has no noise at rest; on the ground its repeated poses are no loss.
 
 Size: seconds between the true poses on either side. Smallest found: 0.05 s (2.5 usual steps where poses are rarer than
 50 Hz), two rows.
@@ -10,11 +11,12 @@ Size: seconds between the true poses on either side. Smallest found: 0.05 s (2.5
 
 from __future__ import annotations
 
-from ...flight import Fault, Flight
+from ...flight import Fault, Flight, Span, intersect_spans
 from ...settings import number
+from ...signals.airborne import airborne_spans
 from ...signals.context import Context
 from ...signals.dropouts import alive_until
-from ...signals.held_poses import POSITION, ROTATION, held_poses
+from ...signals.held_poses import POSITION, ROTATION, first_rest, held_poses
 from ...signals.usable_rows import runs, typical_step_s, usable_streams, usual_step_s
 from .kind import FaultKind
 
@@ -35,9 +37,12 @@ def find(flight: Flight, context: Context) -> list[Fault]:
     columns = tuple(stream.columns[stream.index(q)] for q in POSITION + ROTATION if q in stream.quantities)
     how = (("are no numbers", held.lost), ("repeat one pose", held.same), ("lie on a straight line", held.drawn))
     faults = []
+    air = context.once(airborne_spans) if context.once(first_rest) else None
     for what, flags in how:
         for a, b in runs(flags):
             start, stop = float(t[max(a - 1, 0)]), float(t[min(b, len(t) - 1)])
+            if flags is held.same and air is not None and not intersect_spans([Span(start, stop)], air):
+                continue
             if stop - start >= shortest + 0.5 * step and b - a > 1 and start < end:
                 faults.append(Fault(KIND, "mocap", columns, start, stop, stop - start, "s",
                                     f"{b - a} poses {what} from {start:.2f} to {stop:.2f} s", shortest))
