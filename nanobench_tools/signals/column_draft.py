@@ -34,6 +34,7 @@ from ..units import GRAVITY_M_S2, factor
 from . import column_evidence as evidence
 from .draft import QUATERNION, TIME, ColumnDraft, Draft, Drafted, Key, as_toml
 from .draft_axes import judge_axes
+from .draft_frames import judge_frames
 from .draft_motion import judge_motion
 from .draft_table import Table, read_table
 from .draft_units import judge_units
@@ -58,9 +59,12 @@ def draft_columns(path: Path) -> ColumnDraft:
     judge_units(draft, table.values, time_s)
     judge_axes(draft, table.values, time_s)
     judge_motion(draft, table.values, time_s)
+    judge_frames(draft, table.values, time_s)
     if len(draft.mapped) == 1:
-        asked = f"; {draft.questions[0]}" if draft.questions else ""
-        raise InputError(place, f"no column except {draft.mapped[TIME].column!r} has a known name{asked}",
+        if draft.questions:
+            raise InputError(place, f"nothing can be drafted before this is known: {draft.questions[0]}",
+                             "write the map by hand: docs/recordings.md")
+        raise InputError(place, f"no column except {draft.mapped[TIME].column!r} has a known name",
                          "name them like px, acc_x, gyro_x, m1, vbat, or write the map by hand: docs/recordings.md")
     if assumed := [d.column for d in draft.mapped.values() if d.status == "assumed"]:
         draft.notes.append(f"no unit is stated for {', '.join(assumed)}: the one below is assumed; check it")

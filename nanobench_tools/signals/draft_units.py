@@ -42,7 +42,6 @@ def judge_units(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarr
     _angles(draft, values)
     _yaw_wanted(draft, values)
     _gyro(draft, values, time_s)
-    _down(draft, values)
 
 
 def _battery(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
@@ -355,22 +354,3 @@ def _frd(draft: Draft, turns: evidence.Ratio, values: Mapping[str, np.ndarray]) 
         draft.frames["imu"] = "FRD"
         draft.notes.append("imu: forward, right, down (FRD), since gravity lies along -z and the gyro turns against "
                            "the attitude about y and z")
-
-
-def _down(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
-    """A height that only falls in flight: its axis points down. A flight whose height is y."""
-    heights = [draft.mapped[k].column for k in draft.columns("mocap", ("py", "pz"))]
-    if len(heights) == 2 and "mocap" not in draft.frames and evidence.falls_in_flight(-values[heights[0]]) and not any(
-            evidence.falls_in_flight(sign * values[heights[1]]) for sign in (1.0, -1.0)):
-        draft.notes.append(f"{heights[0]} rises and returns as a height does, {heights[1]} does not: is y up? if so, "
-                           'write frame = "EUS/FUR" in [streams.mocap]')
-    for stream, name in (("mocap", "pz"), ("estimator", "z")):
-        key = (stream, name)
-        if key not in draft.mapped or stream in draft.frames or draft.mapped[key].sign < 0:
-            continue
-        column = draft.mapped[key].column
-        height = values[column][np.isfinite(values[column])]
-        falls = evidence.falls_in_flight(height)
-        if falls or (len(height) and height.max() < 0.0):
-            draft.notes.append(f"{column} {'falls in flight' if falls else 'is below 0 in every row'}: z points down "
-                               f"(NED?); if so, write frame = \"NED\" in [streams.{stream}]")

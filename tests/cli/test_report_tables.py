@@ -258,11 +258,11 @@ def test_motive_with_semicolons_and_decimal_commas(tmp_path):
     np.testing.assert_allclose(flight["mocap"]["pz"][100:500], flown()["z"][100:500], atol=1e-9)
 
 
-def test_a_flight_whose_height_is_y_is_noted(tmp_path):
+def test_a_flight_whose_height_is_y_is_asked_about(tmp_path):
     p = flown()
-    draft = draft_columns(write(tmp_path / "f.csv", {"t": T, "x": p["x"], "y": p["z"], "z": p["y"]}))
-    assert any("is y up" in note for note in draft.notes)
-    assert not any("is y up" in note for note in draft_columns(write(tmp_path / "g.csv", p)).notes)
+    with pytest.raises(InputError, match="is y up"):
+        draft_columns(write(tmp_path / "f.csv", {"t": T, "x": p["x"], "y": p["z"], "z": p["y"]}))
+    assert draft_columns(write(tmp_path / "g.csv", p)).questions == ()
 
 
 def test_empty_cells_at_both_ends_are_no_trouble(tmp_path):

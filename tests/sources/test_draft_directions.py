@@ -78,3 +78,29 @@ def test_the_attitude_shows_the_unit_of_a_yaw_set_point(tmp_path, wanted, unit, 
     draft = draft_columns(tmp_path / "f.csv")
     assert draft.mapped["setpoint", "yaw"] == ("DesYaw", unit)
     assert draft.status["DesYaw"] == status
+
+
+EAST_UP_SOUTH = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+
+
+@pytest.mark.parametrize("streams", ["poses", "poses and imu", "positions"])
+@pytest.mark.parametrize(("world", "frame"), [(TO_NED, "NED"), (EAST_UP_SOUTH, "EUS")])
+def test_axes_that_no_name_states_are_shown_by_the_flight(tmp_path, world, frame, streams):
+    """The draft turns the poses, and the IMU with them: what is read is the flight as it was."""
+    t, p, _, a, turn, w = flown()
+    body = DOWN if frame == "NED" else np.ones(3)
+    side = np.diag(body) if frame == "NED" else world
+    q = type(turn).from_matrix(world @ turn.as_matrix() @ side.T).as_quat()
+    table = {"t": t, **dict(zip("xyz", (p @ world.T).T, strict=True))}
+    if streams != "positions":
+        table |= {f"q{axis}": q[:, i] for i, axis in enumerate("xyzw")}
+    if streams == "poses and imu":
+        table |= {f"acc_{axis}": c for axis, c in zip("xyz", (body * turn.inv().apply(a + G)).T, strict=True)}
+        table |= {f"gyro_{axis}": c for axis, c in zip("xyz", (body * w).T, strict=True)}
+    rows = [",".join(table), *(",".join(f"{c:.7g}" for c in row) for row in zip(*table.values(), strict=True))]
+    (tmp_path / "flight.csv").write_text("\n".join(rows) + "\n")
+    (tmp_path / "map.toml").write_text(draft_columns(tmp_path / "flight.csv").text)
+    (flight,) = load_recordings([tmp_path / "flight.csv"], columns=tmp_path / "map.toml", cache=False).flights
+    np.testing.assert_allclose(flight["mocap"]["px", "py", "pz"], p, atol=1e-5)
+    if streams == "poses and imu":
+        np.testing.assert_allclose(flight["imu"]["gyro_x", "gyro_y", "gyro_z"], w, atol=1e-5)

@@ -1,0 +1,94 @@
+"""Frames of a drafted map that the flight shows: which axes of its streams point up, judged as the audit does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..errors import UsageError
+from ..flight import Flight, Provenance, Stream, make_stream
+from ..sources.axes import frame_of, in_our_axes, name_of
+from . import column_evidence as evidence
+from .context import Context
+from .draft import Draft
+from .flown_axes import UP, ground_axes, tilts
+from .pose_frame import pose_frame
+from .stream_frames import pose_turn, stream_turns
+
+STREAMS = ("mocap", "imu", "estimator", "setpoint", "attitude", "attitude_qw")
+ROTATED = ("mocap", "attitude", "attitude_qw")
+"""Streams of an attitude, which has axes of a world and of a body."""
+
+
+def judge_frames(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarray) -> None:
+    """Names the frame of every stream in turned axes where the flight shows it, else asks or notes what to check."""
+    streams = _streams(draft, values, time_s)
+    upright = False
+    if "mocap" in streams:
+        context = Context(Flight("draft", streams, {}, Provenance("draft", "", "table")))
+        world, body, why = context.once(pose_turn)
+        if why and context.once(pose_frame).world is not None and not context.once(pose_frame).foreign_rad:
+            _turn(draft, "mocap", world, body, why)
+        for turn in context.once(stream_turns):
+            if turn.stream != "mocap":
+                _turn(draft, turn.stream, turn.turn, turn.turn, turn.why)
+        usual = context.once(tilts)["x, y, z, w"].get((UP, UP))
+        upright = UP in context.once(ground_axes) or (usual is not None and usual.flies)
+    _down(draft, values, upright)
+
+
+def _streams(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarray) -> dict[str, Stream]:
+    """The drafted streams in SI and in the axes of their frames, over rows whose time grows."""
+    known = np.isfinite(time_s)
+    known[known] = np.diff(np.maximum.accumulate(time_s[known]), prepend=-np.inf) > 0.0
+    found = {}
+    for name in STREAMS:
+        keys = [key for key in draft.mapped if key[0] == name]
+        if not keys or known.sum() < 4 * evidence.WINDOW:
+            continue
+        stream = make_stream(name, time_s[known], draft.si(keys, values)[known], [q for _, q in keys])
+        try:
+            found[name] = in_our_axes(stream, frame_of(draft.frames[name])) if name in draft.frames else stream
+        except UsageError:
+            continue
+    return found
+
+
+def _turn(draft: Draft, stream: str, world: np.ndarray, body: np.ndarray, why: str) -> None:
+    """Notes the frame that ``world`` and ``body`` (3, 3) take to ours."""
+    if stream in draft.frames or stream not in {s for s, _ in draft.mapped}:
+        return
+    rotated = any((stream, q) in draft.mapped for q in ("qw", "roll"))
+    axes = name_of(body, False) if stream == "imu" else name_of(world, True)
+    axes += f"/{name_of(body, False)}" if rotated and stream in ROTATED else ""
+    draft.frames[stream] = axes
+    draft.notes.append(f"{stream}: in {axes} axes, turned to z up and x forward, since {why}")
+
+
+def _down(draft: Draft, values: Mapping[str, np.ndarray], upright: bool) -> None:
+    """A height that only falls in flight: its axis points down. A flight whose height is y. ``upright``: the flight
+    shows that z of the motion capture is up."""
+    heights = [draft.mapped[k].column for k in draft.columns("mocap", ("py", "pz"))]
+    if len(heights) == 2 and not upright and "mocap" not in draft.frames and evidence.falls_in_flight(
+            -values[heights[0]]) and not any(evidence.falls_in_flight(s * values[heights[1]]) for s in (1.0, -1.0)):
+        draft.ask(draft.columns("mocap", ("px", "py", "pz")),
+                  f"{heights[0]} rises and returns as a height does, {heights[1]} does not: is y up? write frame = "
+                  '"EUS/FUR" in [streams.mocap], or "ENU" if z is up')
+    attitude = any((stream, q) in draft.mapped for stream in ROTATED for q in ("qw", "roll"))
+    for stream, name in (("mocap", "pz"), ("estimator", "z"), ("setpoint", "z")):
+        drafted = draft.mapped.get((stream, name))
+        if drafted is None or stream in draft.frames or drafted.sign < 0 or (stream == "mocap" and upright):
+            continue
+        height = values[drafted.column][np.isfinite(values[drafted.column])]
+        falls = evidence.falls_in_flight(height)
+        if not falls and not (len(height) and height.max() < 0.0):
+            continue
+        what = f"{drafted.column} {'falls in flight' if falls else 'is below 0 in every row'}"
+        keys = draft.columns(stream, ("px", "py", "pz", "x", "y", "z"))
+        if falls and not attitude and len(keys) == 3:
+            draft.frames[stream] = "NED"
+            draft.notes.append(f"{stream}: in NED axes, turned to z up, since {what}")
+        else:
+            draft.ask(keys, f'{what}: does z point down? write frame = "NED" in [streams.{stream}] ("NED/FRD" with an '
+                            'attitude), or "ENU" if it does not')
