@@ -34,6 +34,12 @@ VICON_KIND = re.compile(r"^(Global|Local) (Angle|Translation|Rotation) ?")
 ROTATION_MATRIX = 9
 EULER = ("Roll", "Pitch", "Yaw")
 FULL_TURN_DEG = 360.0
+FLIGHT_M = (0.3, 50.0)
+"""A path of this extent is a flight; that of a body that stands still is not, in any unit."""
+MOST_M_S2 = 100.0
+"""No vehicle accelerates by more in a tenth of its rows."""
+NOISY = 0.1
+"""Steps from row to row, as a share of the extent, that are noise of a body at rest and no path."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +89,7 @@ class MocapExport:
             raise InputError(place, f"an export of {export.program} without a row of numbers", "export it again")
         cells = cells[kept]
         stamps = cells[:, 0] / export.rate_hz if export.rate_hz else cells[:, 0]
+        _check_length(stamps, cells[:, 1:4], export, place)
         position = cells[:, 1:4] * export.length
         _check_turns(cells[:, 4:], export, place)
         quaternion = _quaternion(cells[:, 4:], export)
@@ -220,6 +227,29 @@ def _rate(text: str, place: str) -> float:
     if not rate > 0.0:
         raise InputError(place, f"the frame rate is {text!r}", "export the time of each frame")
     return rate
+
+
+def _check_length(time_s: np.ndarray, cells: np.ndarray, export: Export, place: str) -> None:
+    """InputError for a path that is a flight in another unit than the header's."""
+    p = cells[np.isfinite(cells).all(axis=1) & cells.any(axis=1)]
+    step_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
+    if len(p) < 20 or not step_s > 0.0:
+        return
+    k = max(1, min(round(0.05 / step_s), len(p) // 4))
+    extent = np.ptp(np.quantile(p, (0.01, 0.99), axis=0), axis=0)
+    widest = int(np.argmax(extent))
+    bend = (p[2 * k:] - 2.0 * p[k:-k] + p[:-2 * k]) / (k * step_s) ** 2
+    pull = float(np.quantile(np.linalg.norm(bend, axis=1), 0.9))
+    if float(np.median(np.abs(np.diff(p[:, widest])))) > NOISY * extent[widest]:
+        return
+    fits = [u for u in ("m", "cm", "mm") if FLIGHT_M[0] <= factor(u) * extent[widest] <= FLIGHT_M[1]
+            and factor(u) * pull < MOST_M_S2]
+    stated = next(u for u in ("m", "cm", "mm") if factor(u) == export.length)
+    if fits and stated not in fits:
+        raise InputError(place, f"lengths are in {stated} by the header of this {export.program} export, in which the "
+                         f"path spans {factor(stated) * extent[widest]:.2g} m; in {' or '.join(fits)} it is a flight",
+                         "correct the unit in the header" if export.program != "Qualisys" else
+                         "write the positions in mm, as this layout has them")
 
 
 def _check_turns(cells: np.ndarray, export: Export, place: str) -> None:

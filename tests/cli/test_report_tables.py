@@ -188,6 +188,22 @@ def test_motive_in_any_length_with_time_or_frames(tmp_path, unit, scale, time):
     assert flight["mocap"].time_s[-1] == pytest.approx(T[-1])
 
 
+@pytest.mark.parametrize(("unit", "scale", "says"), [("Millimeters", 1.0, "in mm by the header"),
+                                                     ("Meters", 1000.0, "in m by the header")])
+def test_a_header_with_another_unit_than_its_rows_is_refused(tmp_path, unit, scale, says):
+    failed = load_recordings([motive(tmp_path / "take.csv", unit=unit, scale=scale)], cache=False).failed
+    assert says in failed[0]["error"]
+    assert "correct the unit in the header" in failed[0]["error"]
+
+
+@pytest.mark.parametrize("noise_mm", [0.02, 0.07, 0.5])
+def test_a_body_at_rest_is_no_flight_in_another_unit(tmp_path, monkeypatch, noise_mm):
+    noise = np.random.default_rng(1).normal(0.0, noise_mm, (3, len(T)))
+    monkeypatch.setitem(globals(), "flown", lambda scale=1.0: dict(zip("xyz", 300.0 + noise, strict=True)))
+    recordings = load_recordings([motive(tmp_path / "take.csv", unit="Millimeters")], cache=False)
+    assert not recordings.failed
+
+
 def test_several_bodies_are_named(tmp_path):
     failed = load_recordings([motive(tmp_path / "take.csv", bodies=("cf1", "cf2"))], cache=False).failed
     assert "cf1, cf2" in failed[0]["error"]
