@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 VEHICLE_ROW = "simulator.toml"
 """Name of the exported vehicle alone, as in the rows of ``nanobench sysid``."""
+TRIMMED_ROW = "simulator.toml + trim"
+"""Name of the exported vehicle with the trim of each flight, as in the same rows."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -100,29 +102,36 @@ class VehicleModel:
     def trouble(self) -> str:
         return self.result.trouble
 
+    @property
+    def physical(self) -> bool:
+        """Whether it is the vehicle that flew, and no model of chosen terms."""
+        return self.result.thrust_spread is not None
+
     def predict(self, what: Windows | Flight, by: str = "predictor") -> Prediction | FlightPrediction:
         """States 1..H steps after the start of every window; of a flight, from starts every 0.1 s of clean flight.
 
         by: ``predictor`` is the best predictor (``fit_balanced`` of ``nanobench sysid``). ``vehicle`` is the exported
-        vehicle alone. The predictor is fitted to the same flights at the first call.
+        vehicle alone; ``trimmed`` adds the trim of the flight, four gains of the motors from the rows before the start.
+        The predictor is fitted to the same flights at the first call.
         """
-        if by not in ("predictor", "vehicle"):
-            raise UsageError(f"by is {by!r}; it can be predictor or vehicle")
-        predictor = self.predictor if by == "predictor" else self._vehicle()
+        known = {"predictor": lambda: self.predictor, "vehicle": self._vehicle, "trimmed": self._trimmed}
+        if by not in known or (by == "trimmed" and not self.physical):
+            raise UsageError(f"by is {by!r}; it can be predictor or vehicle, or trimmed for a vehicle without terms=")
+        predictor = known[by]()
         if isinstance(what, Windows):
             return predictor.predict(what)
         return _predicted(some(what)[0], predictor)
 
     def score(self, flights: Flight | Iterable[Flight]) -> pd.DataFrame:
         """Mean errors on ``flights`` after 1, 10 and 50 steps of 10 ms, and their sum. Index (model, quantity): the
-        predictor and the exported vehicle alone."""
+        predictor, the exported vehicle alone, and with the trim of each flight."""
         import pandas as pd
 
         from identification.greybox.fit_windows import cut, mean_errors
 
         cases = _cases(some(flights))
         found: dict[tuple[str, str], dict[str, float]] = {}
-        for predictor in (self.predictor, self._vehicle()):
+        for predictor in (self.predictor, self._vehicle(), *([self._trimmed()] if self.physical else [])):
             cuts = cut(cases, past=predictor.information == "past", thin=1)
             found |= {(predictor.name, name): row for name, row in mean_errors(predictor.predict, cuts).items()}
         return pd.DataFrame(found).T.rename_axis(["model", "quantity"])
@@ -131,6 +140,11 @@ class VehicleModel:
         from ..physics.predictor import ModelPredictor
 
         return ModelPredictor(self.model, VEHICLE_ROW)
+
+    def _trimmed(self) -> Predictor:
+        from identification.vehicle.trimmed_predictor import TrimmedPredictor
+
+        return cast("Predictor", TrimmedPredictor(self.model, TRIMMED_ROW))
 
     def summary(self) -> str:
         """Parameters with units and intervals; shows which are priors, and all caveats."""

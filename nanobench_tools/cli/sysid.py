@@ -22,7 +22,7 @@ from ..steps.show import data_word, sessions_text, show_left_out, show_ratios
 from ..time_offsets.moving.votes import AS_RECORDED, evidence_of
 from .closing import close, close_scores, same, shortened
 from .shared_options import PATH, no_paths_beside, shared_options
-from .sysid_models import SIMULATOR, Choice, Fits, choose, exported, fitted
+from .sysid_models import SIMULATOR, TRIMMED, Choice, Fits, choose, exported, fitted
 from .sysid_rows import rows_of
 
 if TYPE_CHECKING:
@@ -171,6 +171,8 @@ def sysid_body(options: Options, flights: Sequence[Flight], audits: Mapping[str,
         name: task1.Fitted(fit.result.trouble, fit.uses, list(fit.result.nuisances)) for name, (_, fit) in fits.items()}
     notes[SIMULATOR] = task1.Exported(
         f"{choice.exported} as exported: one constant vehicle, inputs and start state alone")
+    notes[TRIMMED] = task1.Exported(
+        f"{choice.exported} as exported, with four gains of the motors from the rows before each start")
     evidence = evidence_of(flights)
     rows = [replace(row, clock=options.clock, clock_evidence=evidence, fit=notes.get(row.model),
                     command_response=answered.get(row.model) if (row.group, row.start) == ("all", "centred") else None)

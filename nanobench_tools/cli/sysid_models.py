@@ -17,11 +17,12 @@ if TYPE_CHECKING:
     from identification.vehicle.vehicle_priors import PriorsFile
 
     from ..physics import Model, Vehicle
-    from ..physics.predictor import ModelPredictor
     from ..protocols.choice import ChosenOn
     from ..protocols.task1 import Case, WindowErrors
 
 SIMULATOR = "simulator.toml"
+TRIMMED = "simulator.toml + trim"
+"""The exported vehicle with four gains of the motors from the rows before each start."""
 Fits = Mapping[str, tuple[Any, "FittedRung"]]
 """(predictor, what the fit gave) by name."""
 
@@ -111,10 +112,11 @@ def choose(options: Options, train: Sequence[Case], predictors: Sequence[Any], f
 
 @dataclass(frozen=True)
 class Exported:
-    """path of the simulator file, None where no folder was given; predictors: the exported model alone."""
+    """path of the simulator file, None where no folder was given; predictors: the exported model alone, and with the
+    trim of each flight where it is a physical vehicle."""
 
     path: str | None = None
-    predictors: list[ModelPredictor] = field(default_factory=list)
+    predictors: list[Any] = field(default_factory=list)
 
 
 def exported(options: Options, fits: Fits, best: str | None, name: str) -> Exported:
@@ -124,7 +126,6 @@ def exported(options: Options, fits: Fits, best: str | None, name: str) -> Expor
     if best is None or best not in fits:
         return Exported()
     from ..physics import Model
-    from ..physics.predictor import ModelPredictor
     from ..physics.simulator import dumps, loads, read_simulator, write_simulator
 
     predictor, value = fits[best]
@@ -132,11 +133,22 @@ def exported(options: Options, fits: Fits, best: str | None, name: str) -> Expor
     beside = options.json.parent if options.json is not None and str(options.json) != "-" else None
     folder = options.out or beside
     if folder is None:
-        return Exported(None, [ModelPredictor(loads(dumps(model)), SIMULATOR)])
+        return Exported(None, _alone(loads(dumps(model)), value))
     folder.mkdir(parents=True, exist_ok=True)
     write_simulator(model, folder / name, value.result.remarks)
     _write_others(options, model, folder, name)
-    return Exported(str(folder / name), [ModelPredictor(read_simulator(folder / name), SIMULATOR)])
+    return Exported(str(folder / name), _alone(read_simulator(folder / name), value))
+
+
+def _alone(model: Model, fitted: FittedRung) -> list[Any]:
+    """Predictors of the exported ``model``, without what the fit sets per window."""
+    from ..physics.predictor import ModelPredictor
+
+    if not fitted.physical:
+        return [ModelPredictor(model, SIMULATOR)]
+    from identification.vehicle.trimmed_predictor import TrimmedPredictor
+
+    return [ModelPredictor(model, SIMULATOR), TrimmedPredictor(model, TRIMMED)]
 
 
 def _write_others(options: Options, model: Model, folder: Path, name: str) -> None:

@@ -107,7 +107,7 @@ def test_what_is_assumed_is_said(flights):
 @pytest.mark.slow
 def test_the_predictor_scores_beside_the_vehicle(fitted, flights):
     table = fitted.score(flights[:1])
-    assert set(table.index.get_level_values("model")) == {"fit_balanced", "simulator.toml"}
+    assert set(table.index.get_level_values("model")) == {"fit_balanced", "simulator.toml", "simulator.toml + trim"}
     assert (table.loc["fit_balanced", "50"] > 0.0).all()
     assert fitted.predict(flights[0]).model == "fit_balanced"
 
