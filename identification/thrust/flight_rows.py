@@ -1,7 +1,7 @@
 """Flights as a fit of thrust needs them: motor inputs and body-z specific force, low-passed at 3 Hz, on clean rows.
 
 Only rows inside clean airborne spans count. They are more than 0.4 m above the resting place (no ground effect, no
-touch-down). They are also a quarter of a second inside the span (the filter has settled). Nothing is filtered across
+touch-down), if the recording shows that place. They are also a quarter of a second inside the span (the filter has settled). Nothing is filtered across
 the end of a span.
 """
 
@@ -17,6 +17,7 @@ from nanobench_tools import so3
 from nanobench_tools.auditing.verb_needs import THRUST
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Span
+from nanobench_tools.protocols.phases import is_cut
 from nanobench_tools.results import array_fields
 from nanobench_tools.settings import count, number
 from nanobench_tools.signals.airborne import resting_height_m
@@ -123,11 +124,15 @@ def _settled(flight: Flight, grid: np.ndarray, spans: Sequence[Span]) -> np.ndar
 
 
 def _height(flight: Flight, grid: np.ndarray) -> np.ndarray | None:
-    """Height [m] above the place it stood."""
+    """Height [m] above the place it stood; None where the recording starts in the air and stays near its lowest place:
+    it never shows the ground."""
     for stream, quantity in (("mocap", "pz"), ("estimator", "z")):
         if stream in flight and quantity in flight[stream] and np.isfinite(flight[stream][quantity]).all():
             z = flight[stream][quantity]
-            return np.asarray(np.interp(grid, flight[stream].time_s, z - resting_height_m(z)))
+            above = z - resting_height_m(z)
+            if is_cut(flight) and float(above.max()) <= ABOVE_M:
+                return None
+            return np.asarray(np.interp(grid, flight[stream].time_s, above))
     return None
 
 

@@ -79,6 +79,7 @@ def _stands(options: Options, stands: Sequence[Flight], names: tuple[set[str], s
 def _flights(options: Options, flights: Sequence[Flight], names: tuple[set[str], set[str]] | None, mass_kg: float,
              left: dict[str, str]) -> Part | None:
     from identification.thrust.thrust_result import AsRecorded, flight_part
+    from identification.thrust.thrust_rows import flown_rows
 
     if not flights:
         return None
@@ -90,7 +91,7 @@ def _flights(options: Options, flights: Sequence[Flight], names: tuple[set[str],
         train, test, note, reasons = _split(on_clock, verdicts, names)
         part = flight_part(train, test, mass_kg, options.seed, clock, note, before)
         if clock == options.clock:
-            left |= reasons | (part.reasons if part else {})
+            left |= reasons | (part.reasons if part else flown_rows(train, 0.0).reasons)
         if part is not None:
             found, before = part, AsRecorded(part.rows, part.result.best)
     return found

@@ -13,6 +13,8 @@ from identification.thrust.prediction_intervals import half_width
 from identification.thrust.thrust_study import errors, study
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.flight import Flight, Provenance, Span, make_stream
+from nanobench_tools.steps.options import Options
+from nanobench_tools.steps.thrusting import thrust_maps
 
 MASS = 0.04
 KAPPA, OFFSET, DROP = 0.0045, 0.7, 1.5
@@ -118,3 +120,20 @@ def test_rows_are_low_passed_specific_force_in_the_air():
 def test_flights_that_cannot_be_fitted(flight, spans, said):
     with pytest.raises(InputError, match=said):
         fly(flight, spans)
+
+
+def test_a_recording_that_starts_in_the_air_shows_no_ground():
+    """Logs of 500 Hz that begin and end in flight: their lowest place is no resting place."""
+    whole = logged()
+    inside = whole.with_streams(**{name: s.rows((s.time_s > 3.0) & (s.time_s < 27.0))
+                                   for name, s in whole.streams.items()})
+    rows = fly(inside, (Span(3.0, 27.0),), 0.05)
+    assert len(rows) == pytest.approx(22.0 * 20.0, abs=3)
+
+
+def test_flights_that_cannot_be_fitted_say_why():
+    still, rng = logged(pwm=False), np.random.default_rng(1)
+    noisy = still.with_streams(**{name: replace(s, values=s.values + 1e-4 * rng.standard_normal(s.values.shape))
+                                  for name, s in still.streams.items()})
+    with pytest.raises(InputError, match="PWM never changes"):
+        thrust_maps(Options(quiet=True), [noisy])
