@@ -1,8 +1,8 @@
 """Flights as a fit of thrust needs them: motor inputs and body-z specific force, low-passed at 3 Hz, on clean rows.
 
 Only rows inside clean airborne spans count. They are more than 0.4 m above the resting place (no ground effect, no
-touch-down), if the recording shows that place. They are also a quarter of a second inside the span (the filter has settled). Nothing is filtered across
-the end of a span.
+touch-down), if the recording shows that place. They are also a quarter of a second inside the span (the filter has
+settled). Nothing is filtered across the end of a span.
 """
 
 from __future__ import annotations
