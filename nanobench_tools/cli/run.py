@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from ..errors import NanobenchError
+from ..errors import InputError, NanobenchError
 from ..protocols.compare import rankings
 from ..results.result import Result
 from ..steps.options import Options
@@ -21,6 +21,7 @@ from .closing import close, shown_page
 from .shared_options import shared_options
 
 OUT = Path("results")
+TASKS = {"estimate": "Task 3", "control": "Task 2", "sysid": "Task 1"}
 LONGEST = 60
 """Lines of the screen of the main job."""
 PRACTICE_SEEDS, PRACTICE_FLIGHTS = 2, 24
@@ -59,8 +60,8 @@ def main_job(options: Options, practice: bool = False, clock: str | None = None,
 
     screens: gets what a terminal shows of each task.
 
-    clock: that of the clean rows; None: see ``Recordings``. A task for which the recordings do not suffice is listed in
-    ``options.failed``; the others go on.
+    clock: that of the clean rows; None: see ``Recordings``. A task for which the recordings do not suffice is shown
+    with the reason, and the others go on. If no task is possible, the reasons are in ``options.failed``.
     """
     from ..auditing.selection import distinct
     from ..harness import write_json
@@ -91,17 +92,26 @@ def main_job(options: Options, practice: bool = False, clock: str | None = None,
         write_json(out / f"{name}.json", results[name])
 
     keep("audit", found, list(options.failed))
+    impossible: list[dict[str, str]] = []
     given = Recordings(options, [flight for flight in flights if flight.name in audits], audits, clock)
     for step, (name, body_of) in enumerate(stages.items(), start=3):
         options.say(f"[{step}/{steps}] {name}")
         before = len(options.failed)
         try:
             body: Result | Mapping[str, object] = body_of(given)
+            lacks: list[dict[str, str]] = []
+        except InputError as error:
+            body, lacks = {"rows": []}, [{"item": name, "file": error.place, "error": str(error)}]
+            shown.append(f"{TASKS[name]} ({name}) is not possible: {error.found}"
+                         + (f"; {error.advice}" if error.advice else ""))
         except NanobenchError as error:
-            options.failed.append({"item": name, "file": getattr(error, "place", ""), "error": str(error)})
-            body = {"rows": []}
-        keep(name, body, options.failed[before:])
+            body, lacks = {"rows": []}, []
+            options.failed.append({"item": name, "file": "", "error": str(error)})
+        impossible += lacks
+        keep(name, body, [*options.failed[before:], *lacks])
         shown += _screen_of(options, body, results[name])
+    if len(impossible) == len(stages):
+        options.failed += impossible
     options.say(f"[{steps}/{steps}] report")
     write_report(out, results, flights, audits, options.synthetic)
     return results

@@ -17,6 +17,7 @@ from identification.greybox import ablation_study
 from nanobench_tools.cli import run as run_module
 from nanobench_tools.cli import run_clocks
 from nanobench_tools.cli.main import main
+from nanobench_tools.errors import InputError
 from nanobench_tools.harness.store import Store
 from nanobench_tools.physics.simulator import read_simulator
 from nanobench_tools.practice import flights as practice
@@ -173,12 +174,25 @@ def test_without_recordings_it_simulates_practice_flights_once(nanobench, crowd,
 def test_a_task_without_enough_recordings_is_listed_and_the_others_go_on(nanobench, recordings, tmp_path, monkeypatch):
     """Task 3, which has enough and takes long, is left out."""
     monkeypatch.setattr(run_clocks, "estimate_on", lambda recordings: {"rows": []})
-    code, _, err = nanobench("run", "--data", next(recordings.glob("*circle*.csv")), "--out", tmp_path, "--jobs", 1)
-    assert code == 1
-    assert [line for line in err.splitlines() if line.startswith("failed: sysid: ")]
+    code, out, err = nanobench("run", "--data", next(recordings.glob("*circle*.csv")), "--out", tmp_path, "--jobs", 1)
+    assert code == 0, err
+    assert [line for line in out.splitlines() if line.startswith("Task 1 (sysid) is not possible: no flight")]
+    assert "failed" not in err
     assert bodies(tmp_path)["sysid.json"]["failed"][0]["item"] == "sysid"
     assert bodies(tmp_path)["control.json"]["failed"] == []
     assert (tmp_path / "report.html").exists()
+
+
+def test_recordings_that_suffice_for_no_task_fail(nanobench, recordings, tmp_path, monkeypatch):
+    def lacking(recordings):
+        raise InputError("here", "no such stream", "record it")
+
+    for task in ("estimate_on", "control_on", "sysid_on"):
+        monkeypatch.setattr(run_clocks, task, lacking)
+    code, out, err = nanobench("run", "--data", next(recordings.glob("*circle*.csv")), "--out", tmp_path, "--jobs", 1)
+    assert code == 1
+    assert "Task 2 (control) is not possible: no such stream; record it" in out
+    assert err.count("failed: ") == 3
 
 
 @pytest.mark.real
