@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, overload
 from ..errors import InputError, did_you_mean
 from ..flight import Flight
 from ..results.flight_figure import named_in
-from .quiet_options import given
+from .quiet_options import given, in_python, speaks_python
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -86,6 +86,7 @@ class Flights(Sequence[Flight]):
         return f"{len(self)} flight{'s' * (len(self) != 1)}{failed}"
 
 
+@speaks_python
 def load(path: Place | Sequence[Place] | None = None, columns: Place | None = None) -> Flights:
     """Read every recording below a path.
 
@@ -120,9 +121,10 @@ def load(path: Place | Sequence[Place] | None = None, columns: Place | None = No
     places = [] if path is None else [path] if isinstance(path, (str, os.PathLike)) else list(path)
     options = given(data=tuple(Path(place) for place in places), columns=None if columns is None else Path(columns))
     flights = options.load()
-    return Flights(flights, [{"path": f["file"], "error": f["error"]} for f in options.failed])
+    return Flights(flights, [{"path": f["file"], "error": in_python(f["error"])} for f in options.failed])
 
 
+@speaks_python
 def load_flight(file: Place, columns: Place | None = None) -> Flight:
     """Read one recording.
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from ..methods import Controller
 from .loading import Flights
+from .quiet_options import speaks_python
 
 
+@speaks_python
 def simulate(n: int = 1, seed: int = 0, family: str | None = None, seconds: float | None = None,
              controller: Controller | None = None) -> Flights:
     """Make flights (SYNTHETIC), each of a different vehicle, flown on a path and logged as the recordings are.

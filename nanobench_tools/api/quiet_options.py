@@ -14,6 +14,8 @@ from ..flight import Flight
 from ..steps.options import Options, cores
 
 FEW = 4
+ARGUMENTS = {"data": "path", "mass": "mass_kg", "arm": "arm_m"}
+"""Options whose argument in Python has another name."""
 P = ParamSpec("P")
 Found = TypeVar("Found")
 _FUNCTIONS = "audit|estimate|thrust|motors|control|tune|diagnose|prove|simulate|report"
@@ -34,7 +36,7 @@ def in_python(text: str) -> str:
             return f"nb.{found['verb']}"
         if not found["option"]:
             return found[0]
-        name, value = {"data": "path"}.get(found["option"], found["option"].replace("-", "_")), found["value"]
+        name, value = ARGUMENTS.get(found["option"], found["option"].replace("-", "_")), found["value"]
         return name if value is None else f"{name}={value}" if value.isupper() else f'{name}="{value}"'
 
     return _COMMAND.sub(python, text)

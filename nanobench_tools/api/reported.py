@@ -9,9 +9,10 @@ from ..flight import Flight
 from ..pages.report_page import RESULTS, write_report
 from ..results.result_files import read_json
 from .audited import audit
-from .quiet_options import some
+from .quiet_options import some, speaks_python
 
 
+@speaks_python
 def report(flights: Flight | Iterable[Flight], out_dir: str | Path = "results") -> Path:
     """Write report.html and its tables (CSV, LaTeX) into a folder.
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from .loading import Flights
+from .quiet_options import speaks_python
 
 
+@speaks_python
 def sample() -> Flights:
     """Return the three sample flights (SYNTHETIC) that are installed with the package.
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import UsageError
 from ..flight import Flight
-from .quiet_options import given, some
+from .quiet_options import given, some, speaks_python
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -121,6 +121,7 @@ class Thrust:
         return self._model
 
 
+@speaks_python
 def thrust(recordings: Flight | Iterable[Flight], test: Flight | Iterable[Flight] = (),
            mass_kg: float | None = None, seed: int = 0) -> Thrust:
     """Fit thrust to PWM and battery voltage, and choose the map that predicts other recordings best.

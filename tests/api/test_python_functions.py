@@ -145,6 +145,25 @@ def test_advice_speaks_python(text, python):
     assert in_python(text) == python
 
 
+def test_errors_of_reading_name_arguments(tmp_path):
+    (tmp_path / "strange.csv").write_text("t,foo\n0,1\n1,2\n")
+    (tmp_path / "stand.csv").write_text("pwm,thrust [N],voltage [V]\n" + "".join(
+        f"{1000 + 50 * k},{0.01 * k},4.0\n" for k in range(20)))
+    with pytest.raises(UsageError, match='read it with columns="MAP.toml"'):
+        nb.load(tmp_path / "strange.csv")
+    read = nb.load(tmp_path)
+    assert 'columns="MAP.toml"' in read.failed[0]["error"]
+    assert "--columns" not in read.failed[0]["error"]
+
+
+@pytest.mark.parametrize("function", [nb.thrust, nb.fit])
+def test_a_mass_in_grams_is_named_as_the_argument(function):
+    with pytest.raises(UsageError) as found:
+        function(nb.sample()[0], mass_kg=40.0)
+    assert "--" not in str(found.value)
+
+
+
 @pytest.mark.slow
 def test_an_error_names_the_argument_of_python(flights):
     with pytest.raises(UsageError, match='clock="joint" cannot judge') as told:
