@@ -45,8 +45,9 @@ def spec(drawing: Drawing) -> dict[str, Any]:
         layout["shapes"] += _shapes(panel, f"x{n}", f"y{n}")
         if panel.title:
             layout["annotations"].append({
-                "text": f"<b>{escape(panel.title)}</b>", "x": 0, "y": 1, "xref": f"x{n} domain", "yref": f"y{n} domain",
-                "xanchor": "left", "yanchor": "bottom", "showarrow": False, "font": {"size": 12}})
+                "text": f"<b>{escape(panel.title, quote=False)}</b>", "x": 0, "y": 1,
+                "xref": f"x{n} domain", "yref": f"y{n} domain", "xanchor": "left", "yanchor": "bottom",
+                "showarrow": False, "font": {"size": 12}})
         axes = {"xaxis": f"x{n}", "yaxis": f"y{n}"}
         data += [{**trace, **axes} for mark in panel.marks for trace in _traces(mark, panel)]
         panels.append(_place(panel))
@@ -92,7 +93,8 @@ def _axis(axis: Axis, way: str, values: Sequence[Values]) -> dict[str, Any]:
 
 
 def _names(rows: Sequence[str], letters: int) -> list[str]:
-    return [escape(name if len(name) <= letters else f"…{name[1 - letters:]}") for name in rows]
+    """Names of rows; the library reads &quot; of a name literally."""
+    return [escape(name if len(name) <= letters else f"…{name[1 - letters:]}", quote=False) for name in rows]
 
 
 def _shapes(panel: Panel, x: str, y: str) -> list[dict[str, Any]]:

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from ..tables.quantities import format_number, shown
+
 if TYPE_CHECKING:
     from ..protocols.compare import ClockRanking
     from ..protocols.result_rows import EstimateRow
     from ..protocols.task1 import PredictionRow
     from .result_bodies import ControlBody, SysidBody
 
-ESTIMATED = {"ate_rmse_m": ("ATE", "m"), "end_error_5s_m": ("error 5 s after the last pose", "m"),
-             "drift_percent": ("drift", "%")}
-"""The metric that stands for a protocol, the first that a row has -> its words and unit."""
+ESTIMATED = {"ate_rmse_m": "ATE", "end_error_5s_m": "error 5 s after the last pose", "drift_percent": "drift"}
+"""The metric that stands for a protocol, the first that a row has -> its words; units are those of the tables."""
 CLOCK_WORDS = {"as-recorded": "as recorded", "retimed": "re-timed", "offset": "with the constant offset removed",
                "joint": "on the joint clock"}
 
@@ -48,11 +49,16 @@ def _smallest(rows: Sequence[EstimateRow], given: str) -> str:
               and (mean := row.metrics[metric].mean) is not None] if metric else []
     if not metric or not judged:
         return ""
-    words, unit = ESTIMATED[metric]
+    how = shown(metric)
     mean, best = min(judged, key=lambda pair: pair[0])
+    low, high = best.metrics[metric].ci95 or (None, None)
+
+    def text(value: float | None) -> str:
+        return "" if value is None else format_number(how.factor * value, how.decimals, like=how.factor * mean)
+
     least = "smallest " * (len({row.method for _, row in judged}) > 1)
-    return (f"{least}{words} {mean:.3g} {unit}{interval(best.metrics[metric].ci95)} by {best.method}{given} "
-            f"({_flights(best.n)})")
+    inside = "" if low is None else f" [{text(low)}, {text(high)}]"
+    return f"{least}{ESTIMATED[metric]} {text(mean)} {how.unit}{inside} by {best.method}{given} ({_flights(best.n)})"
 
 
 def interval(ci95: Sequence[float] | None) -> str:

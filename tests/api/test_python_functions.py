@@ -8,12 +8,14 @@ import sys
 import tempfile
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import nanobench_tools as nb
 from nanobench_tools import Flight, Flights, InputError, UsageError
 from nanobench_tools.api.quiet_options import in_python
+from nanobench_tools.steps.sentences import estimated
 
 EXAMPLES = ("loading", "audited", "controlled", "practised", "reported")
 LONG_EXAMPLES = ("estimated", "fitted", "diagnosed")
@@ -223,3 +225,9 @@ def test_bad_input_gets_one_line(flights, call, error, words):
 def test_two_flights_of_one_name_are_refused(flights):
     with pytest.raises(UsageError, match="two flights are called"):
         nb.audit([flights[0], flights[0]])
+
+
+def test_a_sentence_has_the_unit_of_its_table():
+    row = SimpleNamespace(protocol="aided", clock="as-recorded", group="all", inputs="poses", method="mine", n=2,
+                          metrics={"ate_rmse_m": SimpleNamespace(mean=0.0274, ci95=(0.02, 0.031))})
+    assert estimated([row]) == "aided: ATE 27.4 mm [20.0, 31.0] by mine (2 flights)"

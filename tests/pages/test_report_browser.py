@@ -127,6 +127,19 @@ def test_everything_is_drawn_and_fits_the_width(opened, size, scheme):
     assert not {"nan", "undefined", "null"} & set(texts)
 
 
+CUT_TEXTS = """id => { const edge = document.querySelector(`#fig-${id} .plot .main-svg`).getBoundingClientRect();
+    return [...document.querySelectorAll(`#fig-${id} .plot text`)].map(text => [text.textContent,
+        text.getBoundingClientRect()]).filter(([text, box]) => text && (
+        box.left < edge.left - 1 || box.right > edge.right + 1)).map(([text]) => text); }"""
+
+
+def test_no_text_of_a_picture_is_cut_on_a_phone(opened):
+    page = opened(size=PHONE)
+    assert {name: cut for name in ("usable", "deadlogs", "task1", "attribution", "speed")
+            if (cut := page.seen(name).page.evaluate(CUT_TEXTS, name))} == {}
+    assert "&quot;" not in page.page.locator("#fig-usable").inner_text()
+
+
 WIDER_THAN_ITS_BOX = """() => [...document.querySelectorAll("main .scroll")].filter(
     box => box.clientWidth && box.scrollWidth > box.clientWidth + 1).length"""
 HIDDEN_COLUMNS = "() => document.querySelectorAll('main th[hidden]').length"

@@ -6,7 +6,7 @@ const nanobench = (() => {
   const drawn = new Map(); // figure element -> redraw
   // Named one by one: the library's own choice has a button that sends data away.
   const BUTTONS = [["toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]];
-  const [BETWEEN, BELOW, TITLE, EDGE] = [58, 46, 20, 10]; // px: between rows, under the last, over a panel, beside all
+  const [BETWEEN, BELOW, TITLE, EDGE, LETTER] = [58, 46, 20, 10, 9]; // px: between rows, under the last, over a panel, beside all; a bold letter at most
   const printing = () => root.classList.contains("printing");
   const narrow = () => !printing() && window.innerWidth < 700;
   const coarse = () => window.matchMedia("(pointer: coarse)").matches;
@@ -55,12 +55,16 @@ const nanobench = (() => {
     }
     let top = 0;
     for (const row of rows) {
-      row.top = top + (row.panels.some(p => p.title) ? TITLE : 4);
+      row.top = top + (row.panels.some(p => p.title) ? (narrow() ? 2 : 1) * TITLE : 4);
       row.height = Math.max(...row.panels.map(p => tall(p, row.full ? width : width / columns)));
       top = row.top + row.height + BETWEEN;
     }
     return { rows, height: top - BETWEEN + BELOW };
   }
+
+  // A title in lines of at most so many letters; a phone has room for two.
+  const folded = (text, letters) => text.split(" ").reduce(([line, ...before], word) => (
+    line && line.length + word.length >= letters ? [word, line, ...before] : [line ? `${line} ${word}` : word, ...before]), [""]).reverse().join("<br>");
 
   const numbered = k => (k ? String(k + 1) : "");
 
@@ -70,6 +74,7 @@ const nanobench = (() => {
     const { rows, height } = placed(figure.panels, columns, inner);
     const upper = height - BELOW;
     const { data, layout } = themed({ data: figure.data, layout: { ...figure.layout, ...common(width, height) } });
+    if (narrow()) for (const title of layout.annotations) title.text = folded(title.text, Math.floor(inner / LETTER));
     for (const row of rows) row.panels.forEach((panel, column) => {
       const n = numbered(figure.panels.indexOf(panel));
       const each = row.full ? inner : inner / columns;
