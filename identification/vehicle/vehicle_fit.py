@@ -48,6 +48,9 @@ FEWEST_FLIGHTS = 3
 INDEPENDENT_S = 1.0
 """Disturbances last about so long."""
 OTHER_MOTORS = number("vehicle.vehicle_fit.other_motors")
+ONE_VEHICLE = number("vehicle.vehicle_fit.one_vehicle")
+STILL = 0.8
+"""Share of the prior in drag from which on the flights are said to show none."""
 OTHERS = ("the thrust is not that of the motors behind the priors: {} of these motors {} not known and {} a wide "
           "prior; give your own with a priors file")
 """What of the motors is a prior."""
@@ -96,6 +99,7 @@ def fit_vehicle(cases: Sequence[Case], vehicle: Vehicle | None = None, seed: int
     known = priors_of(vehicle, priors)
     measured = measured_motors(cases, vehicle, seed)
     found = _sums(cases, vehicle, known, measured)
+    _one_vehicle(found, cases)
     others = ""
     if known.note:
         hover_V = float(np.mean([flight.volts for flight in found]))
@@ -114,7 +118,7 @@ def fit_vehicle(cases: Sequence[Case], vehicle: Vehicle | None = None, seed: int
     parameters = {name: _estimate(weighed[name], value, unit, column, why, len(found))
                   for name, value, unit, column in zip(model.names, model.values.tolist(), model.units, draws.T,
                                                        strict=True)}
-    notes = [known.note, others,
+    notes = [known.note, others, _still(weighed),
              *(f"{name}: {weighed[name].note}" for name in model.names if weighed[name].note)]
     levels = np.array([flight.level for flight in found])
     spread = thrust_spread(levels)
@@ -142,6 +146,25 @@ def _sentences(known: Priors) -> tuple[str, ...]:
     return (f"thrust_voltage.c: {known.curve_source}", *(
         f"{name} = {', '.join(f'{b.mean:.3g}' for b in beliefs)} +- {', '.join(f'{b.sd:.2g}' for b in beliefs)} "
         f"({beliefs[0].source})" for name, beliefs in groups.items()))
+
+
+def _one_vehicle(found: Sequence[MotionSums], cases: Sequence[Case]) -> None:
+    """InputError where the thrust of flights differs by more than batteries and days explain."""
+    weak, strong = min(found, key=lambda flight: flight.level), max(found, key=lambda flight: flight.level)
+    ratio = strong.level / weak.level
+    if weak.level <= 0.0 or ratio > ONE_VEHICLE:
+        place = next(case.flight.provenance.path for case in cases if case.flight.name == strong.name)
+        raise InputError(place, f"another vehicle or mass than {weak.name}: {ratio:.2f} times the thrust per mass at "
+                                "the same command", "give the flights of one vehicle at a time")
+
+
+def _still(weighed: Mapping[str, _Weighed]) -> str:
+    """A note where the flights hardly moved sideways; empty elsewhere."""
+    names = ("drag_linear.d[0]", "drag_linear.d[1]", "drag_torque.c")
+    if any(weighed[name].share < STILL for name in names):
+        return ""
+    return ("these flights hardly move sideways: drag and the moment of the air are priors; fly a path at 0.5 m/s or "
+            "faster")
 
 
 def _other_motors(found: Sequence[MotionSums], level: Belief) -> bool:

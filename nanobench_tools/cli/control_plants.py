@@ -67,24 +67,26 @@ class Chosen:
 
     @classmethod
     def _identified(cls, options: Options, train: Sequence[Path]) -> Chosen:
-        from identification.balance import balance
+        from identification.vehicle.vehicle_fit import fit_vehicle
 
         from ..auditing.selection import distinct
         from ..physics.simulator import dumps
+        from ..protocols.completed import completed
         from ..protocols.task1 import training_cases
 
         flights = options.load(train)
         audits, _ = options.audit(flights)
         flights, audits = options.on_clock(flights, audits)
-        cases = training_cases(distinct(flights)[0], audits)
+        cases = training_cases(completed(distinct(flights)[0]), audits)
         if not cases:
             raise InputError(str(train[0]), "no recording to identify a plant from",
                              "give some with motion capture, IMU, motors, battery and attitude")
-        found = balance(cases, seed=options.seed)
+        found = fit_vehicle(cases, seed=options.seed)
         spans = tuple((case.flight.epoch_s + float(case.flight["mocap"].time_s[0]),
                        case.flight.epoch_s + float(case.flight["mocap"].time_s[-1])) for case in cases)
-        options.say(f"plant identified from {found.flights} recordings; moments explained to "
-                    f"{100.0 * min(found.explained):.0f} %")
+        priors = sum(p.prior_share == 1.0 for p in found.parameters.values())
+        options.say(f"plant identified from {found.flights} recordings; {priors} of {len(found.parameters)} parameters "
+                    "are priors")
         return cls(dumps(found.model), (found.model.names, found.draws.tolist()), spans,
                    f"identified from {found.flights} recordings in {', '.join(map(str, train))}")
 

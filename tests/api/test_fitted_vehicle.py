@@ -34,6 +34,19 @@ def test_the_command_line_exports_the_same_vehicle(recordings_apart, monkeypatch
     assert (tmp_path / "simulator.toml").read_text() == nb.fit(nb.load(train)).to_toml()
 
 
+@pytest.mark.slow
+def test_the_plant_of_control_is_the_same_vehicle(recordings_apart):
+    """Also with the command line: ``control --train``."""
+    from nanobench_tools.cli.control_plants import Chosen
+    from nanobench_tools.physics.simulator import loads
+    from nanobench_tools.steps.options import Options
+
+    train, _ = recordings_apart
+    chosen = Chosen.of(Options(quiet=True), None, [train])
+    assert loads(chosen.simulator) == nb.fit(nb.load(train)).model
+    assert chosen.draws[0] == loads(chosen.simulator).names
+
+
 @pytest.fixture
 def recordings_apart(flights, tmp_path):
     """Folders of two flights that train and one that tests."""

@@ -12,6 +12,7 @@ from many_rotors import flights_of, model_of
 from identification.greybox.fit_windows import cut, gather
 from identification.greybox.flyability import flies
 from identification.vehicle.vehicle_fit import fit_vehicle
+from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Span
 from nanobench_tools.physics.vehicle import sized
 from nanobench_tools.protocols.completed import completed
@@ -56,6 +57,8 @@ def test_motors_of_another_kind_are_said():
     strong = [replace(case, flight=replace(case.flight, streams={
         **case.flight.streams, "motor": replace(case.flight["motor"], values=0.6 * case.flight["motor"].values)}))
         for case in cases]
+    with pytest.raises(InputError, match=r"another vehicle or mass than .* times the thrust per mass"):
+        fit_vehicle([*cases[:2], *strong[2:]], sized(0.03))
     other = fit_vehicle(strong, sized(0.03))
     assert any("lag and yaw moment" in note for note in other.notes)
     assert other.parameters["motor_lag.tau_down_s"].ci95[0] < 0.03

@@ -13,6 +13,7 @@ from identification.vehicle.vehicle_priors import PriorsFile, priors_of
 from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.firmware.thrust_curve import thrust_of_voltage
+from nanobench_tools.flight import Span
 from nanobench_tools.physics import Vehicle
 from nanobench_tools.physics.simulator import dumps, loads
 from nanobench_tools.practice.vehicle_parameters import VEHICLE
@@ -86,6 +87,26 @@ def test_flights_that_disagree_with_a_prior_are_said(cases):
 def test_too_little_is_refused(cases):
     with pytest.raises(InputError, match="s of clean flight"):
         fit_vehicle([replace(cases[0], spans=cases[0].spans[:0])])
+
+
+def test_flights_that_hardly_move_are_said(cases, fitted):
+    """Hover: the first seconds of a flight, before its path."""
+    def note(found):
+        return [text for text in found.notes if "hardly move sideways" in text]
+
+    assert not note(fitted)
+    still = [replace(case, spans=(Span(2.0, 8.0),), flight=without_path(case.flight)) for case in cases[:1]]
+    assert note(fit_vehicle(still))
+
+
+def without_path(flight):
+    """The flight with its sideways velocity and force scaled to a hundredth."""
+    changed = {}
+    for name, columns in (("mocap", ("vx", "vy")), ("imu", ("acc_x", "acc_y"))):
+        values = flight[name].values.copy()
+        values[:, [flight[name].index(column) for column in columns]] *= 0.01
+        changed[name] = replace(flight[name], values=values)
+    return flight.with_streams(**changed)
 
 
 def moving(noise_V: float, seed: int = 0, n: int = 6000) -> sums.Signals:
