@@ -1,10 +1,9 @@
 """Real flights with one piece of knowledge removed from the simulator: does the diagnosis find it?
 
-The simulator is fitted on training flights: a thrust map to the accelerometer, and a grey-box model with that map to
-50-step predictions. Drag is fitted along the states, since half a second hides it. Then one of these is removed: the
-battery's voltage (the map at one voltage), the vehicle's weight, drag, or motor lag. It is diagnosed on other flights,
-together with the complete fit (``control``). No fit is the truth: other identified effects, also in the control, may
-really be missing. They are counted as false all the same, since this is unknown.
+The simulator is the vehicle that ``nb.fit`` and ``nanobench sysid`` fit to the training flights. Then one of these is
+removed: the battery's voltage (the map at one voltage), the vehicle's weight, drag, or motor lag. It is diagnosed on
+other flights, together with the complete fit (``control``). No fit is the truth: other identified effects, also in the
+control, may really be missing. They are counted as false all the same, since this is unknown.
 
 One more case (``dead log``): flights whose radio log died while the vehicle flew on. Their estimate seems to diverge
 by metres. That is a fault of the data, not physics.
@@ -14,18 +13,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from identification.greybox.ablation_study import fit_item
-from identification.greybox.ladder import FULL, Rung
-from identification.mismatch.believe import fit_along
-from identification.mismatch.diagnosis import recorded
 from identification.mismatch.space import with_other_map
-from identification.thrust.flight_fit import BALANCED, find_delay, fit_flights, models
-from identification.thrust.map_export import rising_cubic
-from identification.thrust.thrust_rows import flown_rows
+from identification.vehicle.vehicle_fit import fit_vehicle
 from nanobench_tools.auditing.faults.kinds import log_ended
 from nanobench_tools.auditing.recording_audit import Audit
 from nanobench_tools.errors import InputError
@@ -45,12 +37,6 @@ STOCK_KG = 0.0270
 """A bare vehicle of the type, without marker set and deck."""
 FLIGHTS = 6
 """Of one case."""
-RUNG = Rung("concealed", "all terms, thrust, trim and tilt learnt per window", FULL, "past")
-MAP, DRAG = "thrust_voltage", "drag_linear"
-BALANCED_MAP = f"{MAP}{BALANCED}"
-"""Fitted around the level of each flight: differences between flights say nothing about how thrust rises."""
-THIN = 20
-"""Of the rows of all flights, every so many shape a cubic."""
 
 
 @dataclass(frozen=True)
@@ -107,48 +93,31 @@ class RealProof(Result):
 
 
 @dataclass(frozen=True)
-class LearntMap:
-    """Coefficients of MAP, and the median voltage of the flights it was fitted to."""
+class Learnt:
+    """A fitted vehicle as TOML, and the median voltage of the flights that it was fitted to."""
 
-    c: tuple[float, ...]
+    simulator: str
     battery_V: float
 
 
 def fit_simulators(split: Split, run: Run, seed: int, mass_kg: float) -> tuple[Model, Model]:
     """(fitted to the training flights, the same with thrust from PWM at their median battery voltage)."""
-    place, cases = split.train[0].flight.provenance.path, list(split.train)
-
-    def made(title: str, function: Callable[..., Any], **given: Any) -> Any:
-        item = make_item(function, {"cases": cases, **given}, title, file=place)
-        found = run([item], title)
-        if not found.values:
-            raise InputError(str(found.failed[0]["file"]), f"no simulator can be fitted: {found.failed[0]['error']}")
-        return found.values[item.key]
-
-    thrust = made("fit thrust", thrust_item, mass_kg=mass_kg)
-    rung = replace(RUNG, terms={**RUNG.terms, MAP: {"c": thrust.c}}, hold=(MAP,))
-    terms = made("fit the rest", fit_item, rung=rung, seed=seed, vehicle=Vehicle(mass_kg=mass_kg)).simulator
-    fitted = loads(made("fit drag", drag_item, mass_kg=mass_kg, terms=terms)["simulator"])
-    blind = with_other_map(fitted, thrust.battery_V)
-    assert blind is not None  # it has MAP
+    item = make_item(vehicle_item, {"cases": list(split.train), "seed": seed, "mass_kg": mass_kg}, "fit the vehicle",
+                     file=split.train[0].flight.provenance.path)
+    found = run([item], "fit the vehicle")
+    if not found.values:
+        raise InputError(str(found.failed[0]["file"]), f"no simulator can be fitted: {found.failed[0]['error']}")
+    learnt = found.values[item.key]
+    fitted = loads(learnt.simulator)
+    blind = with_other_map(fitted, learnt.battery_V)
+    assert blind is not None  # its thrust depends on the voltage
     return fitted, blind
 
 
-def thrust_item(cases: Sequence[Case], mass_kg: float) -> LearntMap:
-    """From what the accelerometer felt along z (``identification.thrust``), as a cubic
-    that rises. Predictions of half a second see too small a slope, because controllers answer gusts."""
-    flown = [(case.flight, case.spans) for case in cases]
-    rows = flown_rows(flown, find_delay(flown, mass_kg)).files
-    u, volts = np.concatenate([f.u for f in rows]), np.concatenate([f.battery_V for f in rows])[:, None]
-    thrust = fit_flights(models(mass_kg)[BALANCED_MAP], rows).fit.predict(u, volts)
-    return LearntMap(tuple(rising_cubic((u * volts).ravel()[::THIN], thrust.ravel()[::THIN]).tolist()),
-                     float(np.median(volts)))
-
-
-def drag_item(cases: Sequence[Case], mass_kg: float, terms: Mapping[str, Any]) -> dict[str, str]:
-    """{simulator: text of its TOML}: ``terms`` with drag fitted along the states of the training flights."""
-    model = Model(Vehicle(mass_kg=mass_kg), terms)
-    return {"simulator": dumps(fit_along(recorded([case.flight for case in cases]), model, (DRAG,)))}
+def vehicle_item(cases: Sequence[Case], seed: int, mass_kg: float) -> Learnt:
+    """The vehicle of the training flights."""
+    volts = np.concatenate([case.flight["battery"]["vbat"] for case in cases])
+    return Learnt(dumps(fit_vehicle(cases, Vehicle(mass_kg=mass_kg), seed).model), float(np.nanmedian(volts)))
 
 
 def real_cases(split: Split, simulators: tuple[Model, Model], n: int, seed: int, first: int = 0) -> list[RealCase]:

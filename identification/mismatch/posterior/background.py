@@ -107,6 +107,17 @@ def _on_axes(features: np.ndarray, axes: Sequence[int] = (0, 1, 2)) -> np.ndarra
     return np.asarray(np.einsum("nk,ij->nijk", features, eye).reshape(len(features), 3, -1))
 
 
+def _beside(along: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """(n, 3, k) columns without the part along each axis that is proportional to ``along`` (n, 3).
+
+    Drag along an axis is proportional to the velocity along it, and its moment to that across it. The amplitude of a
+    discrepancy is learnt from what is left beside these terms, so it must not say anything about them.
+    """
+    z = along - along.mean(0)
+    slope = np.einsum("ni,nik->ik", z, columns) / np.maximum((z**2).sum(0), 1e-12)[:, None]
+    return np.asarray(columns - z[:, :, None] * slope)
+
+
 def background_of(wrench: Wrench, space: Space, effects: Sequence[Effect], arm: np.ndarray, seed: int) -> Background:
     """All columns of the background. ``arm``: ``arm_unit.arms``."""
     rng = np.random.default_rng([seed, 11])
@@ -123,7 +134,7 @@ def background_of(wrench: Wrench, space: Space, effects: Sequence[Effect], arm: 
     place, air = wrench.of("position_m", at), so3.rotate_inverse(quaternion, wrench.of("velocity_m_s", at))
     load = np.sqrt(np.mean(wrench.of("motor", at) ** 2, axis=1))
     found.add("place", in_body(_on_axes(fourier(place, FEATURES, PLACE_LENGTH, rng))))
-    found.add("air", _on_axes(fourier(air, FEATURES, AIR_LENGTH, rng)))
+    found.add("air", _beside(air, _on_axes(fourier(air, FEATURES, AIR_LENGTH, rng))))
     found.add("thrust", _on_axes(fourier(load[:, None], THRUST_FEATURES, THRUST_LENGTH, rng), [2]))
     found.add("time", in_body(_in_time(wrench, at)))
     found.add("late", _late(wrench, made[:, 2]))
@@ -133,11 +144,14 @@ def background_of(wrench: Wrench, space: Space, effects: Sequence[Effect], arm: 
         push = np.sqrt(np.mean(wrench.of("motor", turns) ** 2, axis=1))
         about = 1.0 / arm[None, :, None]
         at_place = fourier(wrench.of("position_m", turns), FEATURES, PLACE_LENGTH, rng)
+        across = there[:, [1, 0, 2]] * [1.0, 1.0, 0.0]
         in_air, by_thrust = (fourier(there, FEATURES, AIR_LENGTH, rng),
                              fourier(push[:, None], THRUST_FEATURES, THRUST_LENGTH, rng))
         for name, axes in (("turn", (0, 1)), ("yaw", (2,))):  # yaw has little authority, and little that disturbs it
             for kind, features in (("place", at_place), ("air", in_air), ("thrust", by_thrust)):
-                found.add(f"{name}_{kind}", torque=about * _on_axes(features, axes))
+                columns = _on_axes(features, axes)
+                found.add(f"{name}_{kind}",
+                          torque=about * (_beside(across, columns) if kind == "air" else columns))
         found.add("turn_late", torque=about * _on_axes(_fast_load(wrench, push)))
     _logging(found, wrench, space, effects, made, so3.rotate_inverse(quaternion, np.array([0.0, 0.0, 1.0])))
     return found.done()

@@ -181,16 +181,19 @@ def moment_of(discrepancy: Mapping[str, float]) -> float:
 def _overshadowed(case: Case, found: Refined) -> dict[int, str]:
     """{number: reason} of the smallest effect, if it is masked: less than OUTWEIGHS times the unexplained force.
 
-    Such a force could imitate the effect, if it acts along the same axes. Empty if the unexplained force is too small
-    to matter. Only effects that act more as a force than as a moment are compared.
+    Such a force could imitate the effect, if it acts along the same axes. Its mean is zero, so it cannot imitate the
+    constant part of an effect. Empty if the unexplained force is too small to matter. Only effects that act more as a
+    force than as a moment are compared.
     """
     mine = np.isin(case.background.group, FORCES)
     along = ((case.background.force[..., mine] @ _background(case, found)[mine]) ** 2).mean(0)
     masked = dict[int, tuple[float, float]]()
     for i, part in parts_of(case, found.chosen, found.step):
-        force = ((case.effects[i].force @ part) ** 2).mean(0)
+        acts = case.effects[i].force @ part
+        force = (acts**2).mean(0)
+        varies = (force - acts.mean(0) ** 2).sum() / max(force.sum(), 1e-12)
         push, turn = float(np.sqrt(force.sum())), turning_size(case.effects[i].torque @ part, case.arm)
-        left = float(np.sqrt(len(force) * force @ along / max(force.sum(), 1e-12)))
+        left = float(np.sqrt(varies * len(force) * force @ along / max(force.sum(), 1e-12)))
         if left >= MATTERS_M_S2 and turn < push < OUTWEIGHS * left:
             masked[i] = push, left
     if not masked:

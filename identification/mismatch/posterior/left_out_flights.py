@@ -29,6 +29,8 @@ GAINS = (0.3, 2.0)
 """Bounds of the gain from logged commands to turning."""
 JUDGED, BEFORE_TURNING = slice(1, None), slice(1, 2)
 """Horizons that are judged: 0.1 and 0.5 s; and 0.1 s."""
+WITHIN = 2.0
+"""Standard deviations between flights: flights of one session may share as large a tilt."""
 SLUGGISH = frozenset(("inertia", "angular_damping", "motor_lag", "command_delay", *MAPS, "saturation"))
 """Terms that can make a vehicle answer its commands less."""
 
@@ -129,10 +131,8 @@ def _own_offsets(case: Case, chosen: tuple[int, ...], step: np.ndarray, model: M
     made = wrench.measured[1] - torque
     turned = np.array([np.median(torque[by_torque == f] + (1.0 - g) * made[by_torque == f], axis=0)
                        if len(torque) else np.zeros(3) for f, g in zip(case.flights, gain, strict=True)])
-    day = thrust_spread(model.vehicle)
-    shared = pushed.mean(0)
-    shared[2] -= np.clip(shared[2], -day, day)  # what sessions differ by anyway
-    pushed, turned = pushed - shared, turned - turned.mean(0)
+    usual = np.array([*[WITHIN * case.evidence.amplitudes.get("tilt", 0.0)] * 2, thrust_spread(model.vehicle)])
+    pushed, turned = _as_sessions_differ(pushed, usual), turned - turned.mean(0)
     found = []
     weight = model.vehicle.gravity_m_s2
     values = model.parameters
@@ -153,6 +153,12 @@ def _own_offsets(case: Case, chosen: tuple[int, ...], step: np.ndarray, model: M
                   for n, v in changes.items()}
         found.append(model.with_parameters(inside))
     return found
+
+
+def _as_sessions_differ(offsets: np.ndarray, usual: np.ndarray) -> np.ndarray:
+    """(flights, 3) offsets, of whose mean only what sessions may differ by, ``usual`` (3,), is left."""
+    mean = offsets.mean(0)
+    return np.asarray(offsets - (mean - np.clip(mean, -usual, usual)))
 
 
 def _gain(measured: np.ndarray, left: np.ndarray) -> np.ndarray:

@@ -230,9 +230,8 @@ class Evidence:
         feigned = UNNAMED * np.sqrt((along[:, None] ** 2 * self.varying * share / self.seen).sum(0))
         terms = [self.effects[i].term for i in self.owner]
         trim = max(self.amplitudes.get(level, 0.0) for level in ("trim", "yaw_trim"))
-        turned = TILT_SHARED * trim * np.sqrt(((1.0 - self.varying) * share)[3:].sum(0))
-        levels = np.hypot([_shared(t, self.amplitudes) for t in terms], turned) / np.sqrt(max(self.flights, 1))
-        levels = np.hypot(levels, [self.lift_spread * (t in TWINS) for t in terms])
+        turned = TILT_SHARED * trim * np.sqrt(((1.0 - self.varying) * share)[3:].sum(0) / max(self.flights, 1))
+        levels = np.hypot([self._shared(t) for t in terms], turned)
         loose = self.believed * [0.0 if t in OFFSETS else g if t in GAINS else LOOSE
                                  for t, g in zip(terms, self.gain_error, strict=True)]
         width = self.upper - self.lower
@@ -245,6 +244,18 @@ class Evidence:
         spike[twins] = 0.0
         self.spike = np.minimum(spike, self.room)
         self._reduce()
+
+    def _shared(self, term: str) -> float:
+        """m/s^2: what a change of the force that all flights share has to exceed.
+
+        Flights of a set come from few sessions, each with its own tilt. So a shared tilt is no more certain than that
+        of one flight. Thrust differs between flights, too, and between sessions by ``lift_spread``.
+        """
+        level = SHARED.get(term, "")
+        if level == "tilt":
+            return TILT_SHARED * self.amplitudes.get(level, 0.0)
+        between = LIFT_SHARED * self.amplitudes.get(level, 0.0) / np.sqrt(max(self.flights, 1))
+        return float(np.hypot(between, self.lift_spread * (term in TWINS)))
 
     def _reduce(self) -> None:
         found = []
@@ -370,12 +381,6 @@ def _log_weights(scales: np.ndarray) -> np.ndarray:
     log = np.log(one / (1.0 + one**2))
     log -= np.logaddexp.reduce(log)
     return np.asarray(log[np.searchsorted(SCALES, scales)].sum(axis=1))
-
-
-def _shared(term: str, amplitudes: dict[str, float]) -> float:
-    """Scatter between flights that a shared change has to exceed."""
-    level = SHARED.get(term, "")
-    return (LIFT_SHARED if level == "lift" else TILT_SHARED) * amplitudes.get(level, 0.0)
 
 
 __all__ = ["FIXED", "Evidence"]

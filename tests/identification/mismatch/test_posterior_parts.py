@@ -16,10 +16,11 @@ from identification.mismatch.memory import runs_of
 from identification.mismatch.page import GOES_WITH
 from identification.mismatch.posterior import decision, set_evidence, weighing
 from identification.mismatch.posterior.arm_unit import arms
-from identification.mismatch.posterior.background import FIXED, LIFT_OF_ALL, Background, fourier
+from identification.mismatch.posterior.background import FIXED, LIFT_OF_ALL, Background, _beside, fourier
 from identification.mismatch.posterior.build import _seen
 from identification.mismatch.posterior.effects import Effect, effects_of, within_reach
 from identification.mismatch.posterior.gain_error import gain_error
+from identification.mismatch.posterior.left_out_flights import _as_sessions_differ
 from identification.mismatch.posterior.rows import Rows, Seen, _Group, _ridge, instruments, rows_of
 from identification.mismatch.posterior.set_evidence import Evidence
 from identification.mismatch.posterior.thrust_exponent import Curve
@@ -55,15 +56,16 @@ def test_random_cosines_have_the_covariance_of_their_process():
     assert np.abs(found - centre @ kernel @ centre).max() < 0.1
 
 
-@pytest.mark.parametrize(("left_m_s2", "rejected"), [
-    ((0.29, 0.29, 0.29), []), ((0.31, 0.31, 0.31), []), ((0.34, 0.34, 0.34), [0]), ((1.0, 1.0, 1.0), [0]),
-    ((0.0, 0.0, 9.0), [])])
-def test_a_force_is_identified_only_where_it_outweighs_what_no_effect_explains(left_m_s2, rejected):
-    """Pushes of 0.5 and 1.8 m/s^2 along x, and a moment, which no force hides: the weaker push goes first. One along
-    z cannot imitate it. Numbers are for a force of that length, equal along all axes; the last along z."""
+@pytest.mark.parametrize(("left_m_s2", "sign", "rejected"), [
+    ((0.29, 0.29, 0.29), -1.0, []), ((0.31, 0.31, 0.31), -1.0, []), ((0.34, 0.34, 0.34), -1.0, [0]),
+    ((1.0, 1.0, 1.0), -1.0, [0]), ((0.0, 0.0, 9.0), -1.0, []), ((1.0, 1.0, 1.0), 1.0, [])])
+def test_a_force_is_identified_only_where_it_outweighs_what_no_effect_explains(left_m_s2, sign, rejected):
+    """Pushes of 0.5 and 1.8 m/s^2 along x that change their sign, and a moment, which no force hides: the weaker push
+    goes first. One along z cannot imitate it, nor one without a mean a constant push. Numbers are for a force of that
+    length, equal along all axes; the fifth along z, the last beside constant pushes."""
     def effect(term: str, push: float, turn: float) -> Effect:
         force, torque = np.zeros((4, 3, 1)), np.zeros((4, 3, 1))
-        force[:, 0], torque[:, 1] = push, turn
+        force[:, 0, 0], torque[:, 1] = push * np.array([1.0, sign, 1.0, sign]), turn
         return Effect(term, force, torque, {}, np.array([-9.0]), np.array([9.0]))
 
     evidence = SimpleNamespace(P=3, everything=lambda chosen: np.concatenate(
@@ -90,6 +92,35 @@ def test_what_differs_by_less_than_physics_without_a_name_cannot_be_distinguishe
                                lower=np.full(3, -9.0), upper=np.full(3, 9.0))
     case = SimpleNamespace(effects=effects, evidence=evidence)
     assert decision._alike(case, SimpleNamespace(chosen=(0,), step=np.ones(1)), 0, {"air": left_m_s2}) == alike
+
+
+def test_a_discrepancy_says_nothing_about_drag():
+    """Along every axis its columns have no part that is proportional to the velocity along it, only across it."""
+    rng = np.random.default_rng(0)
+    air = rng.normal((0.5, 0.0, 0.0), 1.0, (200, 3))
+    columns = np.einsum("nk,ij->nijk", fourier(air, 3, 3.0, rng), np.eye(3)).reshape(200, 3, -1)
+    found = _beside(air, columns)
+    centred = air - air.mean(0)
+    assert np.abs(np.einsum("ni,nik->ik", centred, found)).max() < 1e-9
+    assert np.abs(centred[:, 0] @ found[:, 1]).max() > 1.0
+    curved = columns[:, 0] - centred[:, [0]] * np.linalg.lstsq(centred[:, [0]], columns[:, 0], rcond=None)[0]
+    assert found[:, 0] == pytest.approx(curved)
+
+
+def test_flights_of_one_session_may_share_a_tilt():
+    """Of a mean of 0.5 and -3.0 beside usual 0.2 and 1.0, only 0.2 and -1.0 are left; differences stay."""
+    offsets = np.array([[0.4, -3.1, 0.0], [0.6, -2.9, 0.0]])
+    found = _as_sessions_differ(offsets, np.array([0.2, 1.0, 0.0]))
+    assert found == pytest.approx(np.array([[0.1, -1.1, 0.0], [0.3, -0.9, 0.0]]))
+
+
+@pytest.mark.parametrize("flights", [1, 6, 60])
+def test_a_shared_tilt_is_no_more_certain_than_that_of_one_flight(flights):
+    case, _, _ = small_case(terms=("wind", "thrust_voltage"))
+    case.flights, case.amplitudes = flights, {"tilt": 0.3, "lift": 0.3}
+    assert case._shared("wind") == pytest.approx(0.3)
+    assert case._shared("thrust_voltage") == pytest.approx(0.15 / np.sqrt(flights))
+    assert case._shared("drag_linear") == 0.0
 
 
 def small_case(seed: int = 0, terms: tuple[str, str] = ("wind", "inflow"), lift_spread: float = 0.0):

@@ -1,6 +1,5 @@
 """Knowledge taken from a fitted simulator: what is missing, what it is missing on, and what counts as found."""
 
-from dataclasses import dataclass
 from functools import partial
 from inspect import signature
 from types import SimpleNamespace
@@ -8,10 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identification.greybox.ablation_study import fit_item
 from identification.greybox.ladder import FULL
 from identification.prove import concealed
-from identification.prove.concealed import LearntMap, RealProof, dead_logs, diagnose_real, fit_simulators, real_cases
+from identification.prove.concealed import Learnt, RealProof, dead_logs, diagnose_real, fit_simulators, real_cases
 from identification.prove.summary import summarise
 from nanobench_tools.cli.prove import show_real
 from nanobench_tools.errors import InputError
@@ -21,7 +19,6 @@ from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.simulator import dumps
 from nanobench_tools.steps.options import Options
 
-VOLTS = dict(FULL)
 FAMILIES = ("circle", "star", "trefoil")
 
 
@@ -35,30 +32,13 @@ def split(n):
                            test=[SimpleNamespace(flight=f) for f in flights(n)])
 
 
-def thrust(cases, mass_kg) -> LearntMap:
-    return LearntMap((0.01, 0.0, 0.01), 3.8)
+def fitted(cases, seed, mass_kg) -> Learnt:
+    assert mass_kg == 0.041
+    return Learnt(dumps(Model(Vehicle(mass_kg=mass_kg), FULL)), 3.8)
 
 
-def test_stand_ins_take_what_the_functions_take():
-    for real, stand_in in ((fit_item, fitted), (concealed.thrust_item, thrust), (concealed.drag_item, drag)):
-        needed = [p.name for p in signature(real).parameters.values() if p.default is p.empty]
-        assert needed == list(signature(stand_in).parameters)
-
-
-@dataclass(frozen=True)
-class Made:
-    simulator: dict
-
-
-def fitted(cases, rung, seed, vehicle) -> Made:
-    assert vehicle.mass_kg == 0.041
-    assert rung.hold == ("thrust_voltage",)
-    assert rung.terms["thrust_voltage"]["c"] == (0.01, 0.0, 0.01)
-    return Made({**VOLTS, **{k: rung.terms[k] for k in rung.hold}})
-
-
-def drag(cases, mass_kg, terms):
-    return {"simulator": dumps(Model(Vehicle(mass_kg=mass_kg), terms))}
+def test_the_stand_in_takes_what_the_function_takes():
+    assert list(signature(concealed.vehicle_item).parameters) == list(signature(fitted).parameters)
 
 
 def run(items, title):
@@ -67,9 +47,7 @@ def run(items, title):
 
 @pytest.fixture
 def simulators(monkeypatch):
-    monkeypatch.setattr(concealed, "fit_item", fitted)
-    monkeypatch.setattr(concealed, "thrust_item", thrust)
-    monkeypatch.setattr(concealed, "drag_item", drag)
+    monkeypatch.setattr(concealed, "vehicle_item", fitted)
     return fit_simulators(split(1), run, 0, 0.041)
 
 
@@ -135,11 +113,10 @@ def test_the_table_says_real_and_leaves_nothing_out(simulators, capsys):
 
 
 def test_a_fit_that_fails_is_one_line(monkeypatch):
-    def no_fit(cases, rung, seed, vehicle):
+    def no_fit(cases, seed, mass_kg):
         raise InputError("training flights", "PWM of m1 never changes")
 
-    monkeypatch.setattr(concealed, "fit_item", no_fit)
-    monkeypatch.setattr(concealed, "thrust_item", thrust)
+    monkeypatch.setattr(concealed, "vehicle_item", no_fit)
     with pytest.raises(InputError, match="no simulator can be fitted: training flights: PWM of m1"):
         fit_simulators(split(1), run, 0, 0.041)
 
