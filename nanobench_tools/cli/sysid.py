@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import UsageError
-from ..pages.sysid_tables import sysid_screen
+from ..pages.sysid_tables import sysid_screen, vehicle_tables
 from ..physics import Vehicle
 from ..physics.vehicle import sized
 from ..results.result import to_json
@@ -112,8 +112,10 @@ def sysid(options: Options, methods: tuple[str, ...], only: bool, train: tuple[P
         parts = family_parts(flights, train_family)
     body = sysid_body(options, flights, audits, predictors, parts, wanted, vehicle,
                       epochs=epochs if learned else None, published=learned != "own", recorded=recorded, priors=known)
-    tables, note = sysid_screen(to_json(body), options.synthetic), body.models.simulator_note
-    screen, detail = ([*tables, *filter(None, [text])] for text in (shortened(note, NOTE), note))
+    found, note = to_json(body), body.models.simulator_note
+    tables, vehicle = sysid_screen(found, options.synthetic), vehicle_tables(found)
+    screen, detail = ([*tables, *more, *filter(None, [text])]
+                      for more, text in ((vehicle[:1], shortened(note, NOTE)), (vehicle, note)))
     if options.out is not None and body.models.simulator is not None:
         options.data = tuple(test) or options.data
         close(options, predicted(body), "where this model is wrong", "nanobench", "diagnose", *same(options),

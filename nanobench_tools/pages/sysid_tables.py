@@ -33,6 +33,8 @@ from .row_cells import (
 )
 
 TASK1_GROUPS = ("all", "seen", "unseen")
+MOSTLY = 0.5
+"""Share of the prior from which on a parameter is called a prior."""
 
 
 def task1(sysid: Mapping[str, Any], synthetic: bool) -> Table:
@@ -97,6 +99,32 @@ def sysid_screen(sysid: Mapping[str, Any], synthetic: bool) -> list[Table | str]
              f"{(n := len(sysid['test']))} test flight{'s' * (n != 1)}; 95 % of the position")
     return [Table.plain(title, ("model", "given", *heads.values(), "95 %"), lines, short_note(rows)),
             f"Split: {sysid['split']}."]
+
+
+def vehicle_tables(sysid: Mapping[str, Any]) -> list[Table | str]:
+    """A sentence on the priors of the exported vehicle, and its parameters with the share of the prior; empty where
+    none was fitted."""
+    fit = next((fit for fit in (sysid.get("fits") or {}).values() if fit.get("thrust_spread") is not None), None)
+    if fit is None:
+        return []
+    groups: dict[str, list[Mapping[str, Any]]] = {}
+    for name, entry in fit["parameters"].items():
+        groups.setdefault(name.partition("[")[0], []).append(entry)
+    lines: list[tuple[Cell, ...]] = []
+    mostly: dict[str, list[str]] = {"prior alone": [], "mostly prior": []}
+    for name, entries in groups.items():
+        units = list(dict.fromkeys(entry["unit"] for entry in entries))
+        shares = [entry.get("prior_share") or 0.0 for entry in entries]
+        percents = [f"{100.0 * share:.0f}" for share in shares]
+        lines.append((name, ", ".join(f"{entry['value']:.3g}" for entry in entries),
+                      units[0] if len(units) == 1 else f"{units[0]} .. {units[-1]}",
+                      percents[0] if len(set(percents)) == 1 else ", ".join(percents)))
+        if min(shares) > MOSTLY:
+            mostly["prior alone" if min(shares) == 1.0 else "mostly prior"].append(name)
+    said = "; ".join(f"{what}: {', '.join(names)}" for what, names in mostly.items() if names)
+    table = Table.plain("The exported vehicle", ("parameter", "value", "unit", "prior %"), lines,
+                        "100: these flights cannot identify it, and its prior is kept.")
+    return [*([f"Exported vehicle, {said}."] if said else []), table]
 
 
 def task1_commands(sysid: Mapping[str, Any], synthetic: bool) -> Table:
