@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -12,6 +14,8 @@ from scipy.spatial.transform import Rotation
 from ..settings import number
 from . import column_evidence as evidence
 from .draft import QUATERNION, Draft, Key
+from .flown_axes import UP, tilts_of
+from .quaternion_reading import FITS
 
 SAME_AXES = number("audit.draft_axes.same_axes")
 OTHER_AXES = number("audit.draft_axes.other_axes")
@@ -156,7 +160,10 @@ def _angle_signs(draft: Draft, values: Mapping[str, np.ndarray], step_s: float) 
     alone gets the other sign, and anything else is a question."""
     angles = _vector(draft, values, [("attitude", name) for name in ANGLES])
     w = _vector(draft, values, [("imu", f"gyro_{a}") for a in "xyz"])
-    if angles is None or w is None:
+    if angles is None:
+        return
+    if w is None:
+        _angle_signs_by_path(draft, values, angles, step_s)
         return
     rows = max(1, round(TURN_S / step_s))
     turns = np.unwrap(angles, axis=0)
@@ -164,14 +171,41 @@ def _angle_signs(draft: Draft, values: Mapping[str, np.ndarray], step_s: float) 
     found = evidence.ratio(path[rows:] - path[:-rows], turns[rows:] - turns[:-rows])
     against = [axis for axis, sign in enumerate(found.sign) if sign < 0]
     if against == [ANGLES.index("pitch")] and found.sign[0] > 0:
-        key: Key = ("attitude", "pitch")
-        drafted = draft.mapped[key]
-        nose = "up" if drafted.sign > 0 else "down"
-        other = f", unlike in {drafted.why}" if drafted.status == "known" and drafted.why != "stated" else ""
-        draft.mapped[key] = replace(drafted, sign=-drafted.sign, why=f"nose {nose} is positive: the gyro shows it")
-        draft.notes[:] = [n for n in draft.notes if not n.startswith(f"{drafted.column}: taken as positive")]
-        draft.notes.append(f"{drafted.column}: positive nose {nose}{other}, since the gyro turns the other way")
+        _turn_pitch(draft, "the gyro turns the other way")
     elif against:
         draft.ask([key for axis in against for key in (("attitude", ANGLES[axis]), ("imu", f"gyro_{'xyz'[axis]}"))],
                   "the gyro turns against the attitude; which is negated? write sign = -1 there"
                   + (', or frame = "FRD" in [streams.imu]' if against == [1, 2] else ""))
+
+
+def _angle_signs_by_path(draft: Draft, values: Mapping[str, np.ndarray], angles: np.ndarray, step_s: float) -> None:
+    """Without a gyro the path shows the signs: the vehicle speeds up towards the side to which it tilts."""
+    path = _vector(draft, values, [("mocap", f"p{a}") for a in "xyz"])
+    if path is None:
+        return
+    follows = {}
+    for roll, pitch in product((1.0, -1.0), repeat=2):
+        turn = Rotation.from_euler("ZYX", angles[:, ::-1] * [1.0, pitch, roll]).as_quat()
+        tilt = tilts_of(step_s * np.arange(len(path)), path, turn).get((UP, UP))
+        follows[roll, pitch] = math.nan if tilt is None else tilt.each
+    best = max(follows, key=lambda signs: np.nan_to_num(follows[signs], nan=-1.0))
+    if not follows[best] > FITS:
+        return
+    if best == (1.0, 1.0):
+        draft.notes[:] = [n for n in draft.notes if ": taken as positive nose down" not in n]
+    elif best == (1.0, -1.0):
+        _turn_pitch(draft, "the vehicle speeds up the other way")
+    else:
+        draft.ask([("attitude", name) for name in ANGLES], "the vehicle speeds up against its tilt: is an angle or a "
+                  "position negated (write sign = -1 there), or are the two in worlds of other headings?")
+
+
+def _turn_pitch(draft: Draft, why: str) -> None:
+    """Gives the pitch its other sign."""
+    key: Key = ("attitude", "pitch")
+    drafted = draft.mapped[key]
+    nose = "up" if drafted.sign > 0 else "down"
+    other = f", unlike in {drafted.why}" if drafted.status == "known" and drafted.why != "stated" else ""
+    draft.mapped[key] = replace(drafted, sign=-drafted.sign, why=f"nose {nose} is positive: {why}")
+    draft.notes[:] = [n for n in draft.notes if not n.startswith(f"{drafted.column}: taken as positive")]
+    draft.notes.append(f"{drafted.column}: positive nose {nose}{other}, since {why}")

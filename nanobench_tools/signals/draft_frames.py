@@ -15,6 +15,7 @@ from .draft import Draft
 from .flown_axes import UP, ground_axes, tilts
 from .pose_frame import pose_frame
 from .stream_frames import pose_turn, stream_turns
+from .tilt_heading import other_height
 
 STREAMS = ("mocap", "imu", "estimator", "setpoint", "attitude", "attitude_qw")
 ROTATED = ("mocap", "attitude", "attitude_qw")
@@ -34,7 +35,8 @@ def judge_frames(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndar
             if turn.stream != "mocap":
                 _turn(draft, turn.stream, turn.turn, turn.turn, turn.why)
         usual = context.once(tilts)["x, y, z, w"].get((UP, UP))
-        upright = UP in context.once(ground_axes) or (usual is not None and usual.flies)
+        upright = (usual is not None and usual.flies) and context.once(other_height) is None
+        upright |= UP in context.once(ground_axes)
     _down(draft, values, upright)
 
 
@@ -74,7 +76,7 @@ def _down(draft: Draft, values: Mapping[str, np.ndarray], upright: bool) -> None
             -values[heights[0]]) and not any(evidence.falls_in_flight(s * values[heights[1]]) for s in (1.0, -1.0)):
         draft.ask(draft.columns("mocap", ("px", "py", "pz")),
                   f"{heights[0]} rises and returns as a height does, {heights[1]} does not: is y up? write frame = "
-                  '"EUS/FUR" in [streams.mocap], or "ENU" if z is up')
+                  '"EUS/FUR" in [streams.mocap], "ENU" if z is up, or exchange the two columns')
     attitude = any((stream, q) in draft.mapped for stream in ROTATED for q in ("qw", "roll"))
     for stream, name in (("mocap", "pz"), ("estimator", "z"), ("setpoint", "z")):
         drafted = draft.mapped.get((stream, name))
@@ -91,4 +93,4 @@ def _down(draft: Draft, values: Mapping[str, np.ndarray], upright: bool) -> None
             draft.notes.append(f"{stream}: in NED axes, turned to z up, since {what}")
         else:
             draft.ask(keys, f'{what}: does z point down? write frame = "NED" in [streams.{stream}] ("NED/FRD" with an '
-                            'attitude), or "ENU" if it does not')
+                            'attitude), "ENU" if it does not, or sign = -1 at the height alone')

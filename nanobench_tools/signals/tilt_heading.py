@@ -4,6 +4,7 @@ attitude and position are in worlds that are turned about the vertical."""
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,7 +12,8 @@ from .. import so3
 from ..settings import number
 from ..units import GRAVITY_M_S2
 from .context import Context
-from .flown_axes import BAND_HZ
+from .flown_axes import BAND_HZ, Axis, ground_axes, tilts
+from .flown_axes import UP as UPWARDS
 from .mocap_derivatives import derivatives_of
 from .paired_signals import FEWEST_ROWS, band_limited, flying_rows
 
@@ -19,6 +21,7 @@ FOLLOWS = number("audit.tilt_heading.follows")
 """Correlation of tilt and acceleration from which on they are compared."""
 TURNED_RAD = number("audit.tilt_heading.turned_rad")
 """Angle between tilt and acceleration from which on the attitude is in another frame."""
+MIRRORED = number("audit.tilt_heading.mirrored")
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -58,3 +61,43 @@ def _turn(tilt: np.ndarray, path: np.ndarray) -> tuple[float, float]:
     product = complex(np.vdot(tilt, path))
     size = float(np.linalg.norm(tilt) * np.linalg.norm(path))
     return math.atan2(product.imag, product.real), abs(product) / size if size > 0.0 else 0.0
+
+
+@dataclass(frozen=True)
+class Mirrored:
+    """Columns of the motion capture that make path and attitude mirror images: one to negate, or two that changed
+    places. ``follows``: correlation of tilt and acceleration once that is mended."""
+
+    quantities: tuple[str, ...]
+    swapped: bool
+    follows: float
+
+
+def mirrored(context: Context) -> Mirrored | None:
+    """A path whose accelerations are the mirror image of those of the tilt: no rotation mends that. An axis that is
+    negated or two axes that changed places do. The attitude is at fault where the gyro turns against it, too."""
+    both = context.once(tilt_and_acceleration)
+    if both is None:
+        return None
+    path, tilt = (v[:, 0] + 1j * v[:, 1] for v in both[:2])
+    angle, follows = _turn(tilt.conj(), path)
+    _, straight = _turn(tilt, path)
+    _, inverted = _turn(both[2][:, 0] + 1j * both[2][:, 1], path)
+    if follows < FOLLOWS or follows < max(straight, inverted) + MIRRORED:
+        return None
+    quarter = round(2.0 * angle / math.pi) % 4
+    if abs(math.remainder(angle - quarter * math.pi / 2.0, 2.0 * math.pi)) > 0.5 * TURNED_RAD:
+        return None
+    if quarter == 1:
+        return Mirrored(("px", "py"), True, follows)
+    return None if quarter == 3 else Mirrored(("py",) if quarter == 0 else ("px",), False, follows)
+
+
+def other_height(context: Context) -> Axis | None:
+    """The axis along which a vehicle rises above the ground on which it rested, if that is not z although it tilts as
+    one with z up; else None."""
+    ground = context.once(ground_axes)
+    usual = context.once(tilts)["x, y, z, w"].get((UPWARDS, UPWARDS))
+    if len(ground) != 1 or UPWARDS in ground or usual is None or not usual.flies:
+        return None
+    return next(iter(ground))

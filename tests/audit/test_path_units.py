@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from nanobench_tools.auditing.faults import axis_swap, frame, sign
 from nanobench_tools.flight import Flight, make_stream
 from nanobench_tools.signals.context import Context
 from nanobench_tools.signals.quaternions import quaternion_orders
-from nanobench_tools.signals.tilt_heading import wrong_heading
+from nanobench_tools.signals.tilt_heading import other_height, wrong_heading
 from nanobench_tools.signals.unit_sign_errors import wrong_units
 
 STEP_S = 1 / 30
@@ -137,3 +138,52 @@ def turning_about_z(inverted=False):
     values = poses.values.copy()
     values[:, 3:] = (turn.inv() if inverted else turn).as_quat()
     return flight.with_streams(mocap=replace(poses, values=values))
+
+
+def with_poses(flight, change):
+    values = flight["mocap"].values.copy()
+    change(values)
+    return Context(flight.with_streams(mocap=replace(flight["mocap"], values=values)))
+
+
+@pytest.mark.parametrize(("columns", "kind"), [(("px",), "sign"), (("py",), "sign"), (("px", "py"), "axis_swap")])
+def test_a_mirrored_path_is_no_turned_world(columns, kind):
+    def change(values):
+        if kind == "sign":
+            values[:, POSES.index(columns[0])] *= -1.0
+        else:
+            values[:, :2] = values[:, 1::-1]
+
+    flight = multirotor(noise_m=2e-4)
+    context = with_poses(flight, change)
+    found = [(f.kind, f.columns) for check in (sign, axis_swap, frame) for f in check.find(context.flight, context)]
+    assert found == [(kind, columns)]
+    clean = Context(flight)
+    assert [f for check in (sign, axis_swap, frame) for f in check.find(flight, clean)] == []
+
+
+def standing(flight):
+    """The flight with a rest on the ground before and after it."""
+    poses = flight["mocap"]
+    rise = np.clip(np.minimum(poses.time_s - 2.0, 10.0 - poses.time_s), 0.0, 1.0)[:, None]
+    values = poses.values.copy()
+    values[:, :3] *= rise
+    values[:, :3] += np.random.default_rng(2).normal(0.0, 2e-4, (len(values), 3))
+    values[:, 3:6] *= rise
+    values[:, 6] = np.sqrt(1.0 - (values[:, 3:6] ** 2).sum(axis=1))
+    return flight.with_streams(mocap=replace(poses, values=values))
+
+
+@pytest.mark.parametrize(("kind", "columns"), [("sign", ("pz",)), ("axis_swap", ("py", "pz"))])
+def test_a_height_that_the_tilt_contradicts(kind, columns):
+    def change(values):
+        if kind == "sign":
+            values[:, 2] *= -1.0
+        else:
+            values[:, 1:3] = values[:, 2:0:-1]
+
+    flight = standing(multirotor(noise_m=2e-4))
+    context = with_poses(flight, change)
+    found = [(f.kind, f.columns[:2]) for check in (sign, axis_swap, frame) for f in check.find(context.flight, context)]
+    assert found in ([(kind, columns)], [("frame", columns)])
+    assert other_height(Context(flight)) is None

@@ -162,3 +162,16 @@ def test_quaternions_are_read_as_the_flight_shows(tmp_path, stored, read, gyro):
     assert [draft.mapped["mocap", q][0] for q in ("qx", "qy", "qz", "qw")] == [column for column, _ in read]
     assert signs == [sign for _, sign in read]
     assert any("read so, since" in note for note in draft.notes)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_path_shows_the_sign_of_a_pitch_without_a_gyro(tmp_path, sign):
+    t, p, _, _, turn, _ = flown()
+    yaw, pitch, roll = turn.as_euler("ZYX").T
+    columns = {"t": t, **{n: p[:, i] for i, n in enumerate("xyz")}, "roll": roll, "pitch": sign * pitch, "yaw": yaw}
+    rows = [",".join(columns), *(",".join(f"{c:.6g}" for c in row) for row in zip(*columns.values(), strict=True))]
+    (tmp_path / "flight.csv").write_text("\n".join(rows) + "\n")
+    draft = draft_columns(tmp_path / "flight.csv")
+    assert ('column = "pitch", unit = "rad", sign = -1' in draft.text) == (sign < 0.0)
+    assert draft.questions == ()
+    assert not any("taken as positive" in note for note in draft.notes)

@@ -3,7 +3,8 @@
 Found by the correlations of all axes of a stream with all axes of the motion capture's prediction (as in ``sign``).
 Another order of axes must raise their sum by 0.5. Every axis that moved must correlate by more than 0.4 with its new
 partner and with one sign over the seconds of the flight. Gravity that lies along x or y gives the accelerometer's
-away. Axes that turned as a whole are ``frame``.
+away, and a path whose mirror image follows the tilt that of the tracked x and y. So does another axis than z that
+rises in flight, of a vehicle that tilts as one with z up. Axes that turned as a whole are ``frame``.
 
 Size: nan. Smallest found: axes that both move enough for a correlation of 0.4.
 """
@@ -14,7 +15,9 @@ import math
 
 from ...flight import Fault, Flight
 from ...signals.context import Context
+from ...signals.held_poses import POSITION
 from ...signals.stream_frames import unexplained, unexplained_gravity
+from ...signals.tilt_heading import mirrored, other_height
 from ...signals.unit_sign_errors import ACC
 from .kind import FaultKind
 from .making import over_stream
@@ -34,6 +37,15 @@ def wrong_axes(context: Context) -> list[tuple[str, tuple[str, ...], str]]:
                 if verdict.order[i] != i
             )
             found.append((verdict.stream, moved, seen))
+    mirror = context.once(mirrored)
+    if mirror is not None and mirror.swapped and not any(stream == "mocap" for stream, *_ in found):
+        found.append(("mocap", mirror.quantities, "the vehicle speeds up along each as it tilts along the other "
+                                                  f"({mirror.follows:+.2f})"))
+    height = context.once(other_height)
+    if height is not None and height[0] != 2:
+        rises = POSITION[height[0]]
+        found.append(("mocap", (rises, "pz"), f"{rises} rises above the place where the vehicle rested, pz does not, "
+                                              "and the vehicle tilts as one with z up"))
     gravity = context.once(unexplained_gravity)
     if (
         gravity is not None

@@ -6,6 +6,10 @@ fits the whole stream best. It is below -0.4 with one sign in the seconds of the
 clearly better than any lag without a change of sign. The accelerometer's z is judged by gravity. True correlations of
 real flights are +0.2 to +1.0. When gyro and estimated attitude are both negated, the motion capture is.
 
+A negated axis of the tracked position makes its path the mirror image of what the tilt gives (correlation of the mirror
+image above 0.8, and 0.3 above that of any turn). If the gyro turns against the attitude, too, a part of the quaternion
+is negated. A height that only falls, of a vehicle that tilts as one with z up, is negated.
+
 Without motion capture the estimated angles are compared with the gyro. Where they turn against each other, one of the
 two columns is negated.
 
@@ -17,10 +21,11 @@ from __future__ import annotations
 
 from ...flight import Fault, Flight
 from ...signals.attitude_signs import contradicted_angles
-from ...signals.axis_unit_matching import CLEAR
+from ...signals.axis_unit_matching import CLEAR, axis_unit_matches
 from ...signals.context import Context
 from ...signals.pairs import gyro_pair, sums_of
 from ...signals.stream_frames import unexplained, unexplained_gravity
+from ...signals.tilt_heading import mirrored, other_height
 from ...signals.unit_sign_errors import ACC, against
 from ...units import GRAVITY_M_S2
 from .kind import FaultKind
@@ -37,7 +42,10 @@ def wrong_signs(context: Context) -> list[tuple[str, str, str]]:
         found.append(("imu", ACC[gravity.axis],
                       f"the mean specific force along {ACC[gravity.axis]} is {gravity.mean[gravity.axis]:.2f} "
                       f"m/s^2, a vehicle on its feet has +{GRAVITY_M_S2}" + _or_frd(context, gravity.axis)))
+    found += (poses := _poses(context))
     for verdict in context.once(unexplained):
+        if any(q[:1] == "q" for _, q, _ in poses) and "gyro_x" in verdict.quantities:
+            continue  # it agrees once the attitude is mended
         for quantity, sign, k in zip(verdict.quantities, verdict.sign, verdict.correlation, strict=True):
             if sign < 0 and (verdict.stream, quantity) not in {(s, q) for s, q, _ in found}:
                 found.append((verdict.stream, quantity,
@@ -48,6 +56,23 @@ def wrong_signs(context: Context) -> list[tuple[str, str, str]]:
                       f"{angle} of attitude turns against {gyro} (correlation {k:+.2f}): one of them is negated"
                       + ", and angles of pitch are positive nose down" * (angle == "pitch")))
     return found
+
+
+def _poses(context: Context) -> list[tuple[str, str, str]]:
+    """A negated axis of the motion capture that its own tilt shows."""
+    if context.once(other_height) == (2, -1):
+        return [("mocap", "pz", "pz goes below the place where the vehicle rested, and it tilts as one with z up")]
+    mirror = context.once(mirrored)
+    if mirror is None or mirror.swapped:
+        return []
+    (position,) = mirror.quantities
+    about, turning = ("qx", 0) if position == "py" else ("qy", 1)
+    gyro = context.once(axis_unit_matches).get(gyro_pair)
+    against_gyro = gyro is not None and gyro.sign[turning] < 0 and not gyro.swapped
+    quantity = about if against_gyro else position
+    return [("mocap", quantity, f"along {position} the vehicle speeds up against its tilt"
+             + (", and the gyro turns against the attitude" if against_gyro else "")
+             + f"; with {quantity} negated they correlate {mirror.follows:+.2f}")]
 
 
 def _or_frd(context: Context, axis: int) -> str:
