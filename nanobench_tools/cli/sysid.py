@@ -113,9 +113,9 @@ def sysid(options: Options, methods: tuple[str, ...], only: bool, train: tuple[P
     body = sysid_body(options, flights, audits, predictors, parts, wanted, vehicle,
                       epochs=epochs if learned else None, published=learned != "own", recorded=recorded, priors=known)
     found, note = to_json(body), body.models.simulator_note
-    tables, vehicle = sysid_screen(found, options.synthetic), vehicle_tables(found)
+    tables, parameters = sysid_screen(found, options.synthetic), vehicle_tables(found)
     screen, detail = ([*tables, *more, *filter(None, [text])]
-                      for more, text in ((vehicle[:1], shortened(note, NOTE)), (vehicle, note)))
+                      for more, text in ((parameters[:1], shortened(note, NOTE)), (parameters, note)))
     if options.out is not None and body.models.simulator is not None:
         options.data = tuple(test) or options.data
         close(options, predicted(body), "where this model is wrong", "nanobench", "diagnose", *same(options),
