@@ -169,6 +169,11 @@ def _angle_signs(draft: Draft, values: Mapping[str, np.ndarray], step_s: float) 
     turns = np.unwrap(angles, axis=0)
     path = step_s * np.cumsum(w, axis=0)
     found = evidence.ratio(path[rows:] - path[:-rows], turns[rows:] - turns[:-rows])
+    crossed = evidence.ratio(path[rows:] - path[:-rows], (turns[rows:] - turns[:-rows])[:, [1, 0, 2]])
+    if found.sign[:2] == (0, 0) and 0 not in crossed.sign[:2]:
+        draft.ask([("attitude", "roll"), ("attitude", "pitch"), ("imu", "gyro_x"), ("imu", "gyro_y")],
+                  "the gyro turns about x as the pitch and about y as the roll: which two columns changed places?")
+        return
     against = [axis for axis, sign in enumerate(found.sign) if sign < 0]
     if against == [ANGLES.index("pitch")] and found.sign[0] > 0:
         _turn_pitch(draft, "the gyro turns the other way")

@@ -23,6 +23,14 @@ VECTORS: tuple[tuple[str, tuple[str, ...]], ...] = tuple(
         ("imu", ("acc_x", "acc_y", "acc_z")), ("imu", ("gyro_x", "gyro_y", "gyro_z")),
         ("attitude", ("roll", "pitch", "yaw"))))
 """Quantities that share a unit."""
+REST_SHARE = 20
+"""Of a table, one part in so many is taken as rest before take-off."""
+GRAVITY_WITHIN = 0.01
+"""Calibrated accelerometers show gravity at rest within this share; cm/s^2 and counts of 1/1024 g differ by 2 %."""
+COUNTS_WITHIN = 1.03
+"""Factor within which a gyro in mrad/s turns as the attitude; counts of 1/16.4 deg/s differ by 1.06."""
+MOST_TURNS = 4
+"""Turns of a yaw in rad that was unwrapped, at most; a larger number is in degrees."""
 
 
 def judge_units(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarray) -> None:
@@ -134,11 +142,20 @@ def _gravity(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
         if draft.mapped[keys[2]].unit not in fits:
             draft.ask(keys, f"in {draft.mapped[keys[2]].unit} the median of the specific force is not gravity's "
                       f"({norm:.4g}); which unit is it? write unit = one of {', '.join(factors)}")
+    elif fits == ["mg"] and not _at_rest(cells, 1000.0):
+        draft.ask(keys, f"the median is {norm:.4g}: mg, cm/s^2 or counts of the sensor? write unit = \"mg\", or "
+                  "convert it to m/s^2")
     elif fits:
         draft.set_unit(keys, fits[0], f"the median of the specific force is {norm:.4g}, which is gravity")
     else:
         draft.ask(keys, f"no accelerometer: the median is {norm:.4g}, without gravity. Is it the acceleration of an "
                   "estimate? write [streams.estimator_acc] ax, ay, az")
+
+
+def _at_rest(cells: np.ndarray, gravity: float) -> bool:
+    """Whether the first rows of (n, 3) specific forces have this size: a vehicle rests before it takes off."""
+    first = cells[: max(len(cells) // REST_SHARE, evidence.WINDOW)]
+    return bool(abs(float(np.linalg.norm(np.nanmean(first, axis=0))) / gravity - 1.0) < GRAVITY_WITHIN)
 
 
 def _position(draft: Draft, stream: str, names: tuple[str, ...], values: Mapping[str, np.ndarray],
@@ -229,7 +246,9 @@ def _angles(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
         return
     cells = np.stack([values[draft.mapped[k].column] for k in keys], axis=1)
     top = float(np.nanquantile(np.abs(cells), 0.999))
-    if top > 2.0 * np.pi:
+    tilts = [k for k, key in enumerate(keys) if key[1] != "yaw"]
+    tilt = float(np.nanquantile(np.abs(cells[:, tilts]), 0.999)) if tilts else 0.0
+    if tilt > 2.0 * np.pi or top > 2.0 * np.pi * MOST_TURNS:
         draft.set_unit(still, "deg", f"they reach {top:.3g}")
     elif top > 0.5 * np.pi:
         draft.ask(still, f"they reach {top:.3g}: rad or deg? write unit = \"rad\" or \"deg\" at each")
@@ -294,7 +313,8 @@ def _gyro(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarray) ->
         axes = ["xyz".index(k[1][-1]) for k in keys]
         found = evidence.ratio(evidence.smooth(draft.si(keys, values)), turning[:, axes])
         if found.known:
-            fits = [u for u, f in factors.items() if found.agrees(factor(unit) / f)]
+            fits = [u for u, f in factors.items() if found.agrees(factor(unit) / f) and (u != "mrad/s" or all(
+                abs(np.log(r * f / factor(unit))) < np.log(COUNTS_WITHIN) for r in found.known))]
             if not fits or (fits[0] != unit and not draft.open(keys)):
                 shown = ", ".join(f"{r:.3g}" for r in found.known)
                 draft.ask([*keys, *draft.columns("attitude", ("roll", "pitch", "yaw"))],

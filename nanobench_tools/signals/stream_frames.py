@@ -187,6 +187,8 @@ def _imu_by_estimate(context: Context, mean: np.ndarray | None) -> StreamTurn | 
     moved = [(i, j) for i, j in clear if best[i, i] < 1.0]
     if np.array_equal(best, ROTATIONS[0]) or len(clear) < 2 or not moved:
         return None
+    if any(best[i, j] * k[i, j] < -CLEAR for i, j in seen):
+        return None  # a mirror image, which no turn explains
     axis = int(np.argmax(np.abs(mean)))
     why = [f"gravity lies along {'-' * bool(mean[axis] < 0)}{IMU[1][axis]}",
            *(f"{IMU[0][i]} follows {'-' * bool(best[i, j] < 0)}{'xyz'[j]} of the estimated attitude ({k[i, j]:+.2f})"

@@ -164,6 +164,38 @@ def test_quaternions_are_read_as_the_flight_shows(tmp_path, stored, read, gyro):
     assert any("read so, since" in note for note in draft.notes)
 
 
+def table_of(tmp_path, columns):
+    rows = [",".join(columns), *(",".join(f"{c:.6g}" for c in row) for row in zip(*columns.values(), strict=True))]
+    (tmp_path / "flight.csv").write_text("\n".join(rows) + "\n")
+    return draft_columns(tmp_path / "flight.csv")
+
+
+def test_exchanged_angles_and_a_yaw_of_a_whole_turn_are_asked_about(tmp_path):
+    t, _, _, _, turn, w = flown()
+    yaw, pitch, roll = turn.as_euler("ZYX").T
+    gyro = {f"gyro_{n}": w[:, i] for i, n in enumerate("xyz")}
+    swapped = table_of(tmp_path, {"t": t, "roll": pitch, "pitch": roll, "yaw": yaw, **gyro})
+    assert any("changed places" in q for q in swapped.questions)
+    turned = table_of(tmp_path, {"t": t, "roll": roll, "pitch": pitch, "yaw": np.mod(yaw - 0.3, 2 * np.pi), **gyro})
+    assert any("rad or deg" in q for q in turned.questions)
+    assert not any("gyro_x" in note and "deg/s" in note for note in turned.notes)
+
+
+@pytest.mark.parametrize(("per_unit", "known"), [(1e3, True), (16.4 * 180 / np.pi, False)])
+def test_a_gyro_in_counts_is_not_in_mrad(tmp_path, per_unit, known):
+    _, _, _, _, _, w = flown()
+    draft = drafted(tmp_path, gyro_AXIS=per_unit * w)
+    assert (("imu", "gyro_x") in draft.mapped) is known
+    assert bool(draft.questions) is not known
+
+
+@pytest.mark.parametrize(("per_unit", "known"), [(1e3 / 9.81, True), (100.0, False), (1024 / 9.81, False)])
+def test_an_accelerometer_in_counts_is_not_in_mg(tmp_path, per_unit, known):
+    _, _, _, a, turn, _ = flown()
+    draft = drafted(tmp_path, acc_AXIS=per_unit * turn.inv().apply(a + G))
+    assert (("imu", "acc_x") in draft.mapped) is known
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_the_path_shows_the_sign_of_a_pitch_without_a_gyro(tmp_path, sign):
     t, p, _, _, turn, _ = flown()
