@@ -1,5 +1,7 @@
 """Noise alone is no moving clock: simulated flights with a perfect clock, and with one that moves."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -45,6 +47,16 @@ def test_a_noisy_gyro_on_a_perfect_clock(rate_hz, seed):
     assert found is not None
     assert not found.moving
     assert found.wander_sd_s == 0.0
+
+
+@pytest.mark.parametrize("bias_rad_s", [0.05, 0.3])
+def test_a_gyro_with_a_bias_on_a_perfect_clock(bias_rad_s):
+    """The constant error of a gyro that was not calibrated passes for time where it is not removed."""
+    flight = flown(100.0, 1, 0.02)
+    imu = flight["imu"]
+    biased = imu.values + bias_rad_s * np.array([1.0, -0.5, 0.2, 0.0, 0.0, 0.0])
+    found = infer(Context(flight.with_streams(imu=replace(imu, values=biased))), ("gyro", "acceleration"))
+    assert found.log_ratio < 20.0
 
 
 def test_the_likelihood_alone_prefers_a_moving_clock():

@@ -39,6 +39,7 @@ LEAST_WEIGHT = number("retiming.evidence.least_weight")
 ALIKE = number("retiming.evidence.alike")
 START_WEIGHT = number("retiming.evidence.start_weight")
 FEWEST = count("retiming.evidence.fewest")
+CALIBRATED_RAD_S = number("retiming.evidence.calibrated_rad_s")
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,8 @@ class Evidence:
 
     - time_s (s,), measured (s, k).
     - predicted (g, k): on the fine grid from grid_start_s.
-    - lag_s, sigma (k,), weight: present estimates."""
+    - lag_s, sigma (k,), weight: present estimates.
+    - bias (k,): constant error of a gyro that is not calibrated, removed before it shows time; else 0."""
 
     kind: Kind
     time_s: np.ndarray
@@ -89,6 +91,7 @@ class Evidence:
     lag_s: float
     sigma: np.ndarray
     weight: float
+    bias: np.ndarray | float = 0.0
 
     def predicted_at(self, delay_s: np.ndarray, lag_s: float) -> np.ndarray:
         """(s, k) what the samples should show if each is late by ``delay_s`` (s,) and the stream by ``lag_s``."""
@@ -104,7 +107,7 @@ class Evidence:
     def detrended(self, delay_s: np.ndarray) -> np.ndarray:
         """(s, k) measured, with its slow difference from the prediction taken off where the kind asks for it."""
         if not self.kind.detrended:
-            return self.measured
+            return np.asarray(self.measured - self.bias)
         slow = uniform_filter1d(self.measured - self.predicted_at(delay_s, self.lag_s), self._rows(DETREND_S), axis=0,
                                 mode="nearest")
         return np.asarray(self.measured - slow)
@@ -114,6 +117,12 @@ class Evidence:
         only fine about the present one."""
         best = self.lag_s if near else self._lowest(delay_s, np.arange(-LAGS_S, LAGS_S + 1e-9, 4 * CELL_S))
         self.lag_s = self._lowest(delay_s, best + CELL_S * np.arange(-4, 5))
+
+    def learn_bias(self, delay_s: np.ndarray) -> None:
+        """Updates the bias of a gyro under ``delay_s`` (s,); that of a calibrated one is too small to matter."""
+        if self.kind.name == "gyro":
+            found = np.median(self.measured - self.predicted_at(delay_s, self.lag_s), axis=0)
+            self.bias = np.where(np.abs(found) > CALIBRATED_RAD_S, found, 0.0)
 
     def learn_noise(self, delay_s: np.ndarray) -> None:
         """Updates noise and weight from the residual under ``delay_s`` (s,)."""

@@ -122,6 +122,7 @@ def smooth_delay(evidence: list[Evidence], rows_s: np.ndarray, likely: Steps,
     for turn in range(first, PASSES):
         for e in evidence:
             e.learn_lag(np.interp(e.time_s, rows_s, delay), near=turn > max(first, 1))
+            e.learn_bias(np.interp(e.time_s, rows_s, delay))
         _gauge(evidence, delay)
         voting = evidence if turn == PASSES - 1 else leading
         if turn:  # under the first constant the residual is the wander itself, not the noise
