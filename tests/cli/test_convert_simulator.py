@@ -88,7 +88,7 @@ def test_bad_usage_is_one_line(nanobench, simulator, arguments, hint, tmp_path, 
 
 @pytest.mark.parametrize(("mass_kg", "said"), [(0.04085, ""), (0.5, "not written for urdf: model: cannot hover")])
 def test_sysid_writes_its_best_model_for_all_of_them(mass_kg, said, tmp_path, capsys):
-    fitted = SimpleNamespace(simulator=TERMS, result=SimpleNamespace(remarks={}))
+    fitted = SimpleNamespace(simulator=TERMS, physical=False, result=SimpleNamespace(remarks={}))
     best = SimpleNamespace(vehicle=Vehicle(mass_kg=mass_kg)), fitted
     written = exported(Options(out=tmp_path), {"best": best}, "best", "simulator_retimed.toml")
     assert written.path == str(tmp_path / "simulator_retimed.toml")
