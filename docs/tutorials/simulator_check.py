@@ -42,11 +42,17 @@ print(found.findings[["term", "or", "confidence", "believed", "value", "ci95_low
 found.plot()
 
 # %% [markdown]
-# `found.to_toml("corrected.toml")` writes the corrected simulator. The simulator without the mistake is left alone:
+# `found.to_toml("corrected.toml")` writes the corrected simulator. In the simulator without the mistake, thrust and
+# mass are left alone:
 
 # %%
-print(nb.diagnose(flights, model).outcome)
+print(nb.diagnose(flights, model).findings[["term", "parameter", "believed", "value", "ci95_low", "ci95_high"]]
+      .round(3).to_string(index=False))
 
 # %% [markdown]
+# The lag of its motors is too long. `nb.fit` took it from a prior, since such flights do not show it well. The
+# simulated vehicle has 0.045 s in both directions. So the finding is right, but its sizes are too small: diagnoses of
+# the lag are uncertain.
+#
 # The flights that fitted the model also judge it here, because the sample is small. With your own data, fit on some
 # flights and diagnose with others. [Reading a diagnosis](../concepts/reading_a_diagnosis.md) explains every line.
