@@ -1,4 +1,4 @@
-"""Are the parameters of the fitted vehicle those of a scale, a ruler, a stand and a tachometer?
+"""Do the parameters of the fitted vehicle agree with a scale, a ruler, a thrust stand and a tachometer?
 
     python -m benchmarks.studies.vehicle_truths DIR [--mass KG] [--arm M]
 
@@ -7,7 +7,7 @@ alone, and with commands alone in rows of 10 ms. Their truth comes from the meas
 which the fits to commands do not see. Flights without rotor speed are compared with TRUTHS of the Crazyflie 2.x.
 
 Columns: value in the file, value of the flights alone, share of the prior, truth, ratio of file and truth, and whether
-it is inside the aim for its kind. A row with 100 % prior tests the prior alone: its sources and these truths overlap.
+the aim is reached. A row with 100 % prior tests the prior alone: its sources and these truths overlap.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Motors from measured rotor speed, where flights have it: lag, and the inertia that they turn.
 
 Rows of 10 ms in closed loop cannot show a lag. Rotor speed at the rate of the log shows it without the motion of the
-vehicle, and then the inertia without an assumed lag (``identification.motors``).
+vehicle. The inertia then needs no assumed lag (``identification.motors``).
 """
 
 from __future__ import annotations

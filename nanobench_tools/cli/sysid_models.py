@@ -112,8 +112,8 @@ def choose(options: Options, train: Sequence[Case], predictors: Sequence[Any], f
 
 @dataclass(frozen=True)
 class Exported:
-    """path of the simulator file, None where no folder was given; predictors: the exported model alone, and with the
-    trim of each flight where it is a physical vehicle."""
+    """path: of the simulator file, None without a folder. predictors: the exported model alone, and a physical vehicle
+    also with the trim of each flight."""
 
     path: str | None = None
     predictors: list[Any] = field(default_factory=list)

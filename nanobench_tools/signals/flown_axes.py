@@ -49,8 +49,9 @@ CLIMBS_M = number("audit.flown_axes.climbs_m")
 
 @dataclass(frozen=True)
 class Tilt:
-    """upright: mean cosine between the body axis and the world axis; follows: correlation of its tilt with the
-    acceleration; slope: their ratio in 1/g; each: correlation along the axis that follows least."""
+    """- upright: mean cosine between the body axis and the world axis;
+    - follows: correlation of its tilt with the acceleration; slope: their ratio in 1/g;
+    - each: correlation along the axis that follows least."""
 
     upright: float
     follows: float

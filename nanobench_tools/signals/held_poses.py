@@ -24,8 +24,8 @@ class HeldPoses:
     """(n,) bool each, over the usable rows of the motion capture.
 
     - lost: no numbers.
-    - same: as the row before, or a position that stays constant until it jumps on; not the rest before the first
-      motion (``first_rest``).
+    - same: as the row before, or a position that stays constant until it jumps on. The rest before the first motion
+      does not count (``first_rest``).
     - drawn: on the chord of its neighbours, moving."""
 
     lost: np.ndarray
@@ -67,7 +67,7 @@ def first_rest(context: Context) -> int:
     """Rows before the first motion in which a body rests and every pose is the same; 0 where they differ by noise.
 
     The poses then go on without a jump, so the body was there. A tracker without noise at rest (a filter, a rounding, a
-    simulator) repeats the pose of a body on the ground, and that is no occlusion."""
+    simulator) repeats the pose of a body on the ground. That is no occlusion."""
     stream = context.once(usable_streams).get("mocap")
     if stream is None or not all(q in stream.quantities for q in POSITION):
         return 0

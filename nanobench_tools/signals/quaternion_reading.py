@@ -95,7 +95,7 @@ def reading_of(attitude: Samples, path: Samples | None, gyro: Samples | None, ba
                ) -> tuple[Reading, str]:
     """The reading of quaternions (n, 4) as stored, ``base`` where nothing contradicts it, and the evidence in words.
 
-    path: (n, 3) with z up, on times of its own; gyro: (n, 3) in the axes of the body. Units do not matter."""
+    path: (n, 3) with z up; gyro: (n, 3) in the axes of the body. Each has its times. Units do not matter."""
     start = _fit(base, attitude, path, gyro)
     if (math.isnan(start.path) or start.path > 1.0 - CLEARLY) and (math.isnan(start.gyro) or start.gyro > FITS):
         return base, ""
@@ -155,9 +155,11 @@ def _turning(time_s: np.ndarray, quaternion: np.ndarray, gyro_s: np.ndarray, gyr
     grid = np.arange(max(time_s[0], gyro_s[0]) + REACH_S, min(time_s[-1], gyro_s[-1]) - REACH_S - TURN_S, STEP_S)
     if len(grid) * STEP_S < SHORTEST_S:
         return None
+
     def at(times: np.ndarray) -> np.ndarray:
         q = np.stack([np.interp(times, time_s, v) for v in so3.make_continuous(quaternion).T], axis=1)
         return np.asarray(q / np.maximum(np.linalg.norm(q, axis=1, keepdims=True), 1e-9))
+
     turned = so3.log(so3.multiply(so3.conjugate(at(grid)), at(grid + TURN_S)))
     steps = np.diff(gyro_s)[:, None]
     angle = np.vstack([np.zeros(3), np.cumsum(0.5 * (gyro[1:] + gyro[:-1]) * steps, axis=0)])

@@ -1,5 +1,6 @@
-"""How each stream's quaternions are to be read, judged by a vehicle that is upright at rest and in flight, by its path
-and by its gyro (``quaternion_reading``).
+"""How each stream's quaternions are to be read.
+
+A vehicle is upright at rest and in flight; its path and its gyro decide the rest (``quaternion_reading``).
 
 A vehicle rests on its feet and thrusts along its body z axis, so that axis points up in the first seconds of a
 recording. For quaternions stored w, x, y, z but read as x, y, z, w it points down or aside. The order that points up

@@ -94,8 +94,8 @@ def mirrored(context: Context) -> Mirrored | None:
 
 
 def other_height(context: Context) -> Axis | None:
-    """The axis along which a vehicle rises above the ground on which it rested, if that is not z although it tilts as
-    one with z up; else None."""
+    """The axis along which a vehicle rises above the ground on which it rested. None if it is z, or if the vehicle does
+    not tilt as one with z up."""
     ground = context.once(ground_axes)
     usual = context.once(tilts)["x, y, z, w"].get((UPWARDS, UPWARDS))
     if len(ground) != 1 or UPWARDS in ground or usual is None or not usual.flies:

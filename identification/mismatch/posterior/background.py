@@ -111,7 +111,7 @@ def _beside(along: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """(n, 3, k) columns without the part along each axis that is proportional to ``along`` (n, 3).
 
     Drag along an axis is proportional to the velocity along it, and its moment to that across it. The amplitude of a
-    discrepancy is learnt from what is left beside these terms, so it must not say anything about them.
+    discrepancy is learnt with these terms free, so it knows nothing of their size.
     """
     z = along - along.mean(0)
     slope = np.einsum("ni,nik->ik", z, columns) / np.maximum((z**2).sum(0), 1e-12)[:, None]
