@@ -6,8 +6,8 @@ One table for each way of logging. Logs with measured rotor speed are fitted thr
 alone, and with commands alone in rows of 10 ms. Their truth comes from the measured rotor speed of the same flights,
 which the fits to commands do not see. Flights without rotor speed are compared with TRUTHS of the Crazyflie 2.x.
 
-Columns: value in the file, value of the flights alone, share of the prior, truth, ratio of file and truth, and whether
-the aim is reached. A row with 100 % prior tests the prior alone: its sources and these truths overlap.
+Columns: value in the file, value of the flights alone, share of the prior, truth, ratio of file and truth, aim
+reached. A row with 100 % prior tests the prior alone: its sources and these truths overlap.
 """
 
 from __future__ import annotations
@@ -57,12 +57,12 @@ TRUTHS = {
     "J_x, 1e-5 kg m^2": Truth(1.66, "firmware controller_lee.c 1.66 (27 g); rotor speed 1.59 (34.7 g), 1.67 (37 g)"),
     "J_y, 1e-5 kg m^2": Truth(1.67, "firmware controller_lee.c 1.67 (27 g); rotor speed 1.57 (34.7 g), 1.72 (37 g)"),
     "J_z, 1e-5 kg m^2": Truth(2.93, "firmware controller_lee.c (27 g)"),
-    "k_m, mm": Truth(7.0, "firmware 2025.12.1 THRUST2TORQUE, from stands"),
+    "k_m, mm": Truth(7.0, "firmware 2025.12.1 THRUST2TORQUE, from thrust stands"),
     "lag up, ms": Truth(54.6, "rotor speed of brushed motors"),
     "lag down, ms": Truth(118.9, "rotor speed of brushed motors"),
     "drag x, mN s/m": Truth(16.0, "accelerometer against velocity, whole flights, mean removed"),
     "drag y, mN s/m": Truth(16.5, "accelerometer against velocity, whole flights, mean removed"),
-    "thrust at 3.6 V, N": Truth(0.180, "firmware thrust curve, from stands; they differ by 6 %"),
+    "thrust at 3.6 V, N": Truth(0.180, "firmware thrust curve, from thrust stands; they differ by 6 %"),
 }
 """Of the Crazyflie 2.x with brushed motors and 46 mm propellers."""
 AIMS = {"J": 0.15, "k": 0.1, "d": 0.1, "t": 0.1}

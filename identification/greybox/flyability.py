@@ -18,8 +18,8 @@ SECONDS = number("greybox.flyability.seconds")
 POSITION_GAIN = number("greybox.flyability.position_gain")
 VELOCITY_GAIN = number("greybox.flyability.velocity_gain")
 ATTITUDE_GAINS: tuple[tuple[float, float], ...] = setting("greybox.flyability.attitude_gains")
-"""(attitude 1/s^2, rate 1/s): a slow and a fast loop. The slow one is for vehicles with 0.1 s of delay and lag, the
-fast one for those that the air tips over when they move. A vehicle flies if either holds it."""
+"""(attitude 1/s^2, rate 1/s): a slow and a fast loop. The slow one is for vehicles with 0.1 s of delay and lag. The
+fast one is for those that the air tips over when they move. A vehicle flies if either holds it."""
 NEAR_M = number("greybox.flyability.near_m")
 NEAR_RAD = number("greybox.flyability.near_rad")
 SLOW_M_S = number("greybox.flyability.slow_m_s")

@@ -25,8 +25,8 @@ from .space import PWM_MAPS
 UNITS = ("1", "N")
 UNASKED = terms_that(lambda term: term.only_turns)
 """Terms that only turn the vehicle."""
-WHY = "cannot be asked: no motor commands"
-WHY_STILL = "cannot be asked: the simulator gives no angular acceleration"
+WHY = "not tested: no motor commands"
+WHY_STILL = "not tested: the simulator gives no angular acceleration"
 QUATERNION = ("qx", "qy", "qz", "qw")
 TURNING_S = number("mismatch.commanded.turning_s")
 

@@ -17,7 +17,7 @@ from .standing import PLAIN
 from .wrench import Wrench
 
 TAKEN: dict[str, Any] = {
-    "axis": ("takes away", "sd²"), "least": LEAST_GAIN, "title": "What each hypothesis takes away by itself",
+    "axis": ("takes away", "sd²"), "least": LEAST_GAIN, "title": "What each hypothesis takes away alone",
     "note": "Squared standard deviations of the residual, beyond chance; left of the dotted line nothing is named. "
             "More explains more, but the most is a name only if nothing disqualifies it."}
 

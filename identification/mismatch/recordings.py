@@ -117,7 +117,7 @@ def look_over(flights: Sequence[Flight], audits: Mapping[str, Audit],
     elsewhere = those(lambda kind: not kind.in_diagnosis)
     faults = tuple((f.name, fault) for f in kept for fault in audits[f.name].faults if fault.kind not in elsewhere)
     if unit and not tracks and (blind := [f for f in kept if "mocap" in missing(moved[f.name], needed=needed)]):
-        raise InputError(blind[0].provenance.path, "has a collective command, and no attitude beside its position",
+        raise InputError(blind[0].provenance.path, "has a collective command, and no attitude with its position",
                          "translation needs one: mocap qx qy qz qw, or a stream attitude_qw or attitude")
     arm = arm_of(tracks, wider(vehicle)) if all(t.gyro for t in tracks) else None
     if arm is not None and arm.counts:

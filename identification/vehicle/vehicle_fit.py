@@ -51,7 +51,7 @@ OTHER_MOTORS = number("vehicle.vehicle_fit.other_motors")
 ONE_VEHICLE = number("vehicle.vehicle_fit.one_vehicle")
 STILL = 0.8
 """Share of the prior in drag from which on the flights are said to show none."""
-OTHERS = ("the thrust is not that of the motors behind the priors: {} of these motors {} not known and {} a wide "
+OTHERS = ("the thrust is not that of the motors behind the priors. {} of these motors {} not known and {} a wide "
           "prior; give your own with a priors file")
 """What of the motors is a prior."""
 LAGS = ("motor_lag.tau_up_s", "motor_lag.tau_down_s")
@@ -130,8 +130,9 @@ def fit_vehicle(cases: Sequence[Case], vehicle: Vehicle | None = None, seed: int
 
 
 def thrust_spread(levels: np.ndarray) -> float:
-    """Standard deviation of the thrust of single flights over its mean: of these flights, and of a prior that counts as
-    SPREAD_FLIGHTS flights. levels (F,): force over thrust of each flight."""
+    """Standard deviation of the thrust of single flights over its mean.
+
+    A prior counts as SPREAD_FLIGHTS further flights. levels (F,): force over thrust of each flight."""
     n = len(levels) - 1
     own = float(np.sum((levels / np.mean(levels) - 1.0) ** 2))
     prior = SPREAD_FLIGHTS - 1.0

@@ -99,7 +99,7 @@ def priors_of(vehicle: Vehicle, given: PriorsFile | None = None) -> Priors:
     if not (light <= vehicle.mass_kg <= heavy and short <= lever <= long):
         others = {}
         note = (f"priors are scaled from a {about['name']} of {1e3 * about['mass_kg']:g} g to {vehicle.mass_kg:g} kg "
-                f"with {1e3 * lever:.3g} mm from motor to axis: give your own with a priors file")
+                f"with {1e3 * lever:.3g} mm from motor to axis. Give your own with a priors file")
         found = {name: _scaled(name, belief, vehicle.mass_kg / about["mass_kg"], lever / about["lever_m"])
                  for name, belief in found.items()}
     if given is not None:

@@ -38,8 +38,8 @@ def motors(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
     """Motors from logs that hold rotor speed and PWM at 200 Hz or more, such as uSD logs with an RPM deck.
 
     Time constants up and down by simulation against measured speed; speed from PWM and voltage; thrust and moments
-    from speed. Also the prediction of rotation: from PWM at the rate of the log, from the same PWM as a radio delivers
-    it, and from measured speed. Whole flights are held out in turn, or --test judges. Flights of one vehicle at a
+    from speed. Also the prediction of rotation. It uses PWM at the rate of the log, the same PWM as a radio delivers
+    it, and measured speed. Whole flights are held out in turn, or --test judges. Flights of one vehicle at a
     time.
     --out gets motors.json, motors.html and simulator.toml.
     """

@@ -156,8 +156,8 @@ def _rate(draft: Draft, values: Mapping[str, np.ndarray], rotation: Rotation, st
 
 
 def _angle_signs(draft: Draft, values: Mapping[str, np.ndarray], step_s: float) -> None:
-    """The gyro shows the sign of every angle, also of one with a known name, which its user may have turned: a pitch
-    alone gets the other sign, and anything else is a question."""
+    """The gyro shows the sign of every angle, also of one with a known name, which its user may have turned. A pitch
+    alone gets the other sign; anything else is a question."""
     angles = _vector(draft, values, [("attitude", name) for name in ANGLES])
     w = _vector(draft, values, [("imu", f"gyro_{a}") for a in "xyz"])
     if angles is None:

@@ -75,7 +75,7 @@ def _down(draft: Draft, values: Mapping[str, np.ndarray], upright: bool) -> None
     if len(heights) == 2 and not upright and "mocap" not in draft.frames and evidence.falls_in_flight(
             -values[heights[0]]) and not any(evidence.falls_in_flight(s * values[heights[1]]) for s in (1.0, -1.0)):
         draft.ask(draft.columns("mocap", ("px", "py", "pz")),
-                  f"{heights[0]} rises and returns as a height does, {heights[1]} does not: is y up? write frame = "
+                  f"{heights[0]} rises and returns as a height does, {heights[1]} does not: is y up? If so, frame = "
                   '"EUS/FUR" in [streams.mocap], "ENU" if z is up, or exchange the two columns')
     attitude = any((stream, q) in draft.mapped for stream in ROTATED for q in ("qw", "roll"))
     for stream, name in (("mocap", "pz"), ("estimator", "z"), ("setpoint", "z")):
@@ -92,5 +92,5 @@ def _down(draft: Draft, values: Mapping[str, np.ndarray], upright: bool) -> None
             draft.frames[stream] = "NED"
             draft.notes.append(f"{stream}: in NED axes, turned to z up, since {what}")
         else:
-            draft.ask(keys, f'{what}: does z point down? write frame = "NED" in [streams.{stream}] ("NED/FRD" with an '
+            draft.ask(keys, f'{what}: does z point down? If so, frame = "NED" in [streams.{stream}] ("NED/FRD" with an '
                             'attitude), "ENU" if it does not, or sign = -1 at the height alone')

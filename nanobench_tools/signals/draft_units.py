@@ -255,7 +255,7 @@ def _angles(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
 
 
 def _yaw_wanted(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
-    """The unit of a yaw set-point is that in which it is the yaw of the attitude; it stays assumed where the vehicle
+    """The unit of a yaw set-point is that in which it is the yaw of the attitude. It stays assumed where the vehicle
     does not follow it, or where it turns too little to show the unit."""
     key = ("setpoint", "yaw")
     flown = _yaw(draft, values)

@@ -100,8 +100,9 @@ def _why_ground(ground: dict[Axis, float]) -> str:
 
 
 def posed(context: Context) -> Stream | None:
-    """The tracked poses as every other check takes them: quaternions in the order x, y, z, w, body to world, z up in
-    world and body; None without poses."""
+    """The tracked poses as every other check takes them, None without poses.
+
+    Quaternions in the order x, y, z, w, body to world, z up in world and body."""
     stream, frame = context.once(usable_streams).get("mocap"), context.once(pose_frame)
     if stream is None:
         return None

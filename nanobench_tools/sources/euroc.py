@@ -3,7 +3,7 @@
 ``mav0/imu0`` becomes the stream ``imu``; the best truth becomes ``mocap``: ``state_groundtruth_estimate0``, else
 ``vicon0`` or ``mocap0`` (poses), else ``leica0`` (positions). Biases of the truth become ``extra_imu_bias``; further
 sensors become ``extra_NAME``. ``sensor.yaml`` brings each sensor into the body. The body of EuRoC has x up and z
-forward; it is turned into forward, left, up by what the recording shows, and a note says how.
+forward. It is turned into forward, left, up by what the recording shows, and a note says how.
 """
 
 from __future__ import annotations

@@ -54,8 +54,9 @@ def members_of(files: Mapping[str, Path], wanted: Callable[[Sequence[str]], list
 
 
 def digest_of(members: Mapping[str, bytes]) -> str:
-    """SHA-256 of the contents of a recording: that of its only file, else of the digests of all by name, so that a
-    folder and its archive are the same recording."""
+    """SHA-256 of the contents of a recording: that of its only file, else of the digests of all by name.
+
+    A folder and its archive are thus the same recording."""
     if len(members) == 1:
         return digest(next(iter(members.values())))
     listed = "".join(f"{name}\0{digest(members[name])}\n" for name in sorted(members))

@@ -19,7 +19,7 @@ GZIP_MAGIC, XZ_MAGIC = b"\x1f\x8b", b"\xfd7zXZ\x00"
 _GZIP_WINDOW = 16 + zlib.MAX_WBITS
 
 SMALL_BYTES = 256 * 1024**2
-"""An archive may unpack to this much whatever its size."""
+"""An archive of any size may unpack to this much."""
 MOST_RATIO = 200
 """Tables of numbers pack to a third or a twentieth; an archive that unpacks to more times its size is made to fill the
 memory."""

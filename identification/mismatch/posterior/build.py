@@ -102,8 +102,9 @@ def _varying(wrench: Wrench, torque: np.ndarray) -> np.ndarray:
 
 
 def _seen(wrench: Wrench, rows: Rows, torque: np.ndarray, background: Background) -> np.ndarray:
-    """(6, P) share of the varying part of the columns that the instruments see, over that of a discrepancy; from
-    LEAST_SEEN to 1, 1 of forces.
+    """(6, P) share of the varying part of the columns that the instruments see, over that of a discrepancy.
+
+    From LEAST_SEEN to 1; 1 of forces.
 
     To imitate a discrepancy, the error of a column that they hardly see has to be larger by the root of this.
     """

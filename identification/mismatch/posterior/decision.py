@@ -200,7 +200,7 @@ def _overshadowed(case: Case, found: Refined) -> dict[int, str]:
         return {}
     least = min(masked, key=lambda i: masked[i])
     push, left = masked[least]
-    return {least: f"{push:.2g} m/s^2 beside a force of {left:.2g} m/s^2 along the same axes that no effect explains"}
+    return {least: f"{push:.2g} m/s^2 next to a force of {left:.2g} m/s^2 along the same axes that no effect explains"}
 
 
 def _size_of(case: Case, which: int, found: Refined) -> float:

@@ -1,7 +1,8 @@
 """How far a gain from logged commands may be too small, measured on the same flights.
 
-Logged commands are noisy, so a regression shrinks every gain from them, at most by the share of the command's motion
-that the measured motion does not follow, 1 - r^2 (errors in variables: Fuller 1987, Measurement Error Models, ch. 1).
+Logged commands are noisy, so a regression shrinks every gain from them. The most is the share of the command's motion
+that the measured motion does not follow, 1 - r^2. Source: errors in variables, Fuller 1987, Measurement Error Models,
+ch. 1.
 Where in that range the gain lies is unknown.
 """
 

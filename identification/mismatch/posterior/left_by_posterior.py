@@ -15,7 +15,7 @@ from .sizing import parts_of
 
 LEAST = float(np.log(NAMED / (1.0 - NAMED)))
 WORTH: dict[str, Any] = {"axis": ("log odds over no effect", "nats"), "least": LEAST,
-         "title": "What each effect is worth by itself",
+         "title": "What each effect is worth alone",
          "note": "Log odds of the effect alone against none, from the residual and from predictions of flights left "
                  "out. Right of the dotted line it would be identified, if no other effect explained the same better."}
 

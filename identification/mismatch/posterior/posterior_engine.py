@@ -160,7 +160,7 @@ def _paragraph(body: dict[str, Any], recordings: Recordings, improvement: Improv
         values = ", ".join(f"{n.partition('.')[2]} = {p['value']:.4g}{_after(p['unit'])} (95 %: {p['ci95'][0]:.4g} to "
                            f"{p['ci95'][1]:.4g}; the simulator has {p['believed']:.4g})"
                            for n, p in entry["parameters"].items())
-        other = f" These flights cannot tell it from {' or '.join(entry['equivalent'])}." if entry["equivalent"] else ""
+        other = f" Not distinguishable here from {' or '.join(entry['equivalent'])}." if entry["equivalent"] else ""
         parts.append(f"The simulator is wrong about {entry['term']}: {find_term(entry['term']).sentence} {values}. "
                      f"Probability {entry['confidence']:.2f}.{other}")
     if body["leaning"]:

@@ -3,8 +3,8 @@
 Found by the correlations of all axes of a stream with all axes of the motion capture's prediction (as in ``sign``).
 Another order of axes must raise their sum by 0.5. Every axis that moved must correlate by more than 0.4 with its new
 partner and with one sign over the seconds of the flight. Gravity that lies along x or y gives the accelerometer's
-away, and a path whose mirror image follows the tilt that of the tracked x and y. So does another axis than z that
-rises in flight, of a vehicle that tilts as one with z up. Axes that turned as a whole are ``frame``.
+away. A path whose mirror image follows the tilt gives away that of the tracked x and y. So does another axis than z
+that rises in flight, of a vehicle that tilts as one with z up. Axes that turned as a whole are ``frame``.
 
 Size: nan. Smallest found: axes that both move enough for a correlation of 0.4.
 """

@@ -1,7 +1,7 @@
 """crash: the vehicle fell, tumbled or lay on its side.
 
-Found in the motion capture (else the estimate). Either the body z axis is more than 60 deg from vertical for 0.1 s
-(the largest tilt in controlled flight of 79 real ones is 38 deg). Or there is a steady fall faster than 3 m/s (the
+Found in the motion capture (else the estimate). Either the body z axis is more than 60 deg from vertical for 0.1 s.
+The largest tilt in controlled flight of 79 real ones is 38 deg. Or there is a steady fall faster than 3 m/s (the
 hardest real landings hit at 2.1). The span runs from the moment the motors stopped, at the earliest one second before,
 to the end of the recording. After a crash the vehicle is another one, so no other check uses these rows.
 

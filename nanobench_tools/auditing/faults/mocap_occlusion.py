@@ -3,7 +3,7 @@
 Found where poses are not numbers, repeat the pose before exactly, or lie on a straight line between two frames (chord
 test). The noise of a tracker excludes both. Frames that are missing altogether are a ``gap`` of the motion capture.
 Standing still to the end of the recording is ``dead_stream``. A tracker that repeats one pose while the vehicle rests
-before take-off has no noise at rest; on the ground its repeated poses are no loss.
+before take-off has no noise at rest. On the ground its repeated poses are no loss.
 
 Size: seconds between the true poses on either side. Smallest found: 0.05 s (2.5 usual steps where poses are rarer than
 50 Hz), two rows.

@@ -1,7 +1,7 @@
 """quaternion_order: quaternions with the scalar in another place, or inverted (world to body).
 
 Found by a vehicle that would not be upright. The mean cosine of the tilt over the first 3 s is below 0.5 as read and
-above 0.9 in the other order (real flights have 0.97-1.00). Where the heading hides that, the estimated Euler angles
+above 0.9 in the other order. Real flights have 0.97-1.00. Where the heading hides that, the estimated Euler angles
 decide. One order differs from them by more than 0.5 rad and the other by less than 0.25. The checks that use the
 motion capture go on with the right order.
 

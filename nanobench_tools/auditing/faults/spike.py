@@ -8,7 +8,7 @@ m of the ground from take-off on, where true shocks look the same. Positions are
 there, as in a bounce. Motors, requests and setpoints may jump by right. One entry per spike.
 
 Size: distance, in the unit of the column. Smallest found: the larger of the two limits. If larger, it is twice the
-vehicle's motion from the row before to the row after: a jump that stays must not count as a spike. A row's movement
+vehicle's motion from the row before to the row after. A jump that stays must not count as a spike. A row's movement
 and noise are added, which may hide it. It is 2 cm for the motion capture of a resting vehicle, 6 cm at 1 m/s.
 """
 

@@ -51,7 +51,7 @@ def test_a_right_simulator_is_left_alone_and_what_was_not_asked_is_said(flights)
     assert [e["term"] for e in verdict["not_asked"]] == [
         "angular_damping", "com_offset", "drag_torque", "inertia", "motor_imbalance", "rotor_gyro",
             "rotor_reaction", "yaw_torque"]
-    assert {e["why"] for e in verdict["not_asked"]} == {"cannot be asked: no motor commands"}
+    assert {e["why"] for e in verdict["not_asked"]} == {"not tested: no motor commands"}
     assert "Only translation was asked" in verdict["paragraph"]
 
 
@@ -104,7 +104,7 @@ def test_attitude_may_stand_in_a_stream_of_its_own(newtons):
 
 def test_without_attitude_it_is_one_line(newtons):
     blind = [in_parts(f, "setpoint", ("x",), np.zeros((len(f["mocap"]), 1))) for f in newtons]
-    with pytest.raises(InputError, match="no attitude beside its position") as error:
+    with pytest.raises(InputError, match="no attitude with its position") as error:
         diagnose_flights(blind, QUAD)
     assert "\n" not in str(error.value)
 
