@@ -15,7 +15,8 @@ from ..errors import UsageError
 from ..results.result import INLINE, OPTIONAL, Result
 from ..steps.options import Options, one_line
 from ..tables.result_table import Table
-from .closing import again, close
+from .closing import again, close, shown_page
+from .fly_audit import audit_recording
 from .fly_controllers import CONTROLLERS_HELP, pilot_for
 from .record import RecordBody, say_export, toc_cache
 from .shared_options import PATH, FiniteRange, shared_options
@@ -160,13 +161,17 @@ def _fly(options: Options, request: Request) -> int:
     if math.isfinite(result.tracking.rmse_m):
         options.say(f"tracking error on the path: RMSE {100.0 * result.tracking.rmse_m:.1f} cm, largest "
                     f"{100.0 * result.tracking.largest_m:.1f} cm, by the poses of the flight")
+    page: Path | None = None
     if result.recording is not None:
         body = replace(body, recording=say_export(options, result.recording))
+        page = audit_recording(options, result.recording.csv, result.recording.parquet)
     elif result.raw is not None:
         options.say(f"the raw recording is in {result.raw}; nanobench record --export makes a recording of it")
     stop = outcome.stop
     said = f"{request.pilot.name}, {request.spec.trajectory_id}: " + (f"landed early: {stop}" if stop else "flown")
-    if body.recording is not None:
+    if page is not None:
+        close(options, said, "its page", *shown_page(page))
+    elif body.recording is not None:
         close(options, said, "is it a good recording", "nanobench", "audit", body.recording.csv)
     else:
         close(options, said, "fly it again and keep it", *again("--record", "flights"))

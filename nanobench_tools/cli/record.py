@@ -19,6 +19,10 @@ from .shared_options import PATH, FiniteRange, shared_options
 
 if TYPE_CHECKING:
     from ..radio.record_export import Exported
+    from ..radio.recorder import Recorder
+
+EVERY_S = 0.1
+"""Interval of echoes while a vehicle is recorded without flying."""
 
 
 @click.command()
@@ -92,7 +96,7 @@ def _record(options: Options, uri: str, out: Path, blocks: Path | None, mocap: s
         recorder.start()
         options.say(f"recording {len(running)} blocks of {uri} to {recorder.path}"
                     + ("" if seconds else "; Ctrl-C ends it"))
-        _wait(options, seconds, link)
+        _wait(options, seconds, link, recorder)
     return _export(options, recorder.path, stamps)
 
 
@@ -105,7 +109,7 @@ def _repair(options: Options, damaged: Path) -> Path:
     return whole
 
 
-def _wait(options: Options, seconds: float | None, link: Any) -> None:
+def _wait(options: Options, seconds: float | None, link: Any, recorder: Recorder) -> None:
     """Until the time is over, the link is lost or Ctrl-C, all of which end a recording well."""
     until = time.monotonic() + (seconds or float("inf"))
     try:
@@ -114,7 +118,9 @@ def _wait(options: Options, seconds: float | None, link: Any) -> None:
                 options.say(f"the link is lost: {link.lost}; what came until then is kept")
                 return
             link.request_echo()
-            time.sleep(0.1)
+            begun = time.monotonic()
+            time.sleep(EVERY_S)
+            recorder.loop(time.monotonic() - begun - EVERY_S)
     except KeyboardInterrupt:
         options.say("ended by Ctrl-C")
 

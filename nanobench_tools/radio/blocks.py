@@ -11,6 +11,7 @@ firmware's (log.c of 2025.12.1): 26 bytes of values a packet, 16 blocks, 128 var
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -28,6 +29,9 @@ TYPES: dict[str, tuple[str, int]] = {
 """Name of a type in the Crazyflie world -> NumPy's, bytes."""
 MOST_BYTES, MOST_BLOCKS, MOST_VARIABLES = 26, 16, 128
 PERIOD_MS, LONGEST_MS = 10, 2550
+HALF, HALF_SINCE = "FP16", (2026, 8)
+"""Type whose values below 0.5, 2, 8 ... the firmware halved before this release (year, month): its rounding lost a
+carry."""
 
 DEFAULT: dict[str, tuple[int, tuple[str, ...]]] = {
     "imu": (10, ("acc.x", "acc.y", "acc.z", "gyro.x", "gyro.y", "gyro.z")),
@@ -134,6 +138,16 @@ def check_numbers(blocks: Sequence[Block], place: str) -> None:
         if size > MOST_BYTES:
             raise InputError(f"{place}: block {block.name!r}", f"{size} bytes or more of values, and a packet holds "
                              f"{MOST_BYTES}", "split it into two blocks")
+
+
+def check_half_precision(blocks: Sequence[Block], firmware: str, place: str) -> None:
+    """Raises InputError for variables in half precision from a ``firmware`` that is not known to round them right."""
+    halves = sorted({v for b in blocks for v, kind in zip(b.variables, b.types, strict=True) if kind == HALF})
+    found = re.match(r"(\d{4})\.(\d{1,2})", firmware)
+    if not halves or (found and (int(found[1]), int(found[2])) >= HALF_SINCE):
+        return
+    raise InputError(place, f"{', '.join(halves)} as FP16 from firmware {firmware or 'of unknown version'}",
+                     "before 2026.08 it halves values just below 0.5, 2, 8 ...; log them as float")
 
 
 def resolve(blocks: Sequence[Block], stored: Mapping[str, str], place: str) -> list[Block]:

@@ -2,7 +2,8 @@
 
 A file is a line of magic, the length of a JSON header and the header, then records. A record is ``<BBHdI``: kind,
 number, bytes of payload, host time [Unix s], CRC-32 of all that and the payload. Then follows the payload. A separate
-thread writes records every FLUSH_S. The sender thus never waits for a disk, and a killed program loses at most the
+thread writes records every FLUSH_S. The header is repeated as a record at the beginning and at the end, so that no
+single damage loses it. The sender thus never waits for a disk, and a killed program loses at most the
 records since then. A file that ends inside a record is read up to there. Behind damage, reading goes on at the next
 record with the right checksum, a known kind and a plausible time.
 """
@@ -23,17 +24,19 @@ from typing import Any, NamedTuple
 from ..errors import InputError
 
 MAGIC = b"nanobench packets 1\n"
+SUFFIX = ".packets"
 FLUSH_S = 0.05
 SYNC_S = 1.0
 """Interval at which the file is flushed to the disk, s: what a power cut may lose."""
 CLOSE_S = 20.0
 """A disk, or a server with files, that takes longer for what waits at the end is given up."""
-LOG, POSE, ECHO, SENT, REFERENCE, NOTE = range(6)
+LOG, POSE, ECHO, SENT, REFERENCE, NOTE, LOOP = range(7)
 """Kinds. LOG: number of the block; tick [ms] in 24 bits, values. POSE: ``<d7f`` as pose datagrams. ECHO: ``<d`` host
 time at which the echo was sent. SENT: header byte and data of a CRTP packet. REFERENCE: ``<4d`` x, y, z [m], yaw [rad]
-that a controller on the host had to follow. NOTE: UTF-8 text, JSON of the sheet for number 1."""
-KINDS = range(6)
-TEXT, SHEET = 0, 1
+that a controller on the host had to follow. NOTE: UTF-8 text, JSON of the sheet for number 1.
+LOOP: ``<d`` delay [s] of a tick of the host's loop."""
+KINDS = range(7)
+TEXT, SHEET, HEADER = 0, 1, 2
 NEAR_S = 86400.0
 """A record behind damage is of the same day as the one before."""
 _HEAD = struct.Struct("<BBHd")
@@ -63,14 +66,14 @@ class PacketWriter:
         self._waiting: deque[bytes] = deque()
         self._stop = threading.Event()
         self._failed: str | None = None
-        self._put(MAGIC + _LENGTH.pack(len(text)) + text)
+        self._header = _packed(NOTE, HEADER, float(header.get("started_unix_s", 0.0)), text)
+        self._put(MAGIC + _LENGTH.pack(len(text)) + text + self._header)
         self._thread = threading.Thread(target=self._run, name="packet writer", daemon=True)
         self._thread.start()
 
     def write(self, kind: int, number: int, time_s: float, payload: bytes) -> None:
         """One record; on the file at most FLUSH_S later."""
-        head = _HEAD.pack(kind, number, len(payload), time_s)
-        self._waiting.append(head + _SUM.pack(zlib.crc32(payload, zlib.crc32(head))) + payload)
+        self._waiting.append(_packed(kind, number, time_s, payload))
 
     def note(self, time_s: float, text: str) -> None:
         self.write(NOTE, TEXT, time_s, text.encode()[:60_000])
@@ -81,6 +84,7 @@ class PacketWriter:
 
     def close(self) -> None:
         """Writes what waits. Raises InputError if anything could not be written (a full disk)."""
+        self._waiting.append(self._header)
         self._stop.set()
         self._thread.join(CLOSE_S)
         if self._thread.is_alive():
@@ -120,6 +124,11 @@ class PacketWriter:
             data = data[os.write(self._file, data):]
 
 
+def _packed(kind: int, number: int, time_s: float, payload: bytes) -> bytes:
+    head = _HEAD.pack(kind, number, len(payload), time_s)
+    return head + _SUM.pack(zlib.crc32(payload, zlib.crc32(head))) + payload
+
+
 @dataclass(frozen=True)
 class Packets:
     """A raw recording. ``cut`` shows in words what is missing inside and at its end; empty if nothing is."""
@@ -145,27 +154,47 @@ def read_packets(path: Path) -> Packets:
         data = path.read_bytes()
     except OSError as error:
         raise InputError(str(path), f"cannot be read ({error.strerror})", "check the path") from None
-    start = len(MAGIC) + _LENGTH.size
-    if not data.startswith(MAGIC) or len(data) < start:
+    header, at = _header(data)
+    if header is None and not _is_raw(path, data):
         raise InputError(str(path), "not a raw recording", "give a file that nanobench record or fly wrote")
-    end = start + _LENGTH.unpack_from(data, len(MAGIC))[0]
-    try:
-        header = json.loads(data[start:end])
-    except ValueError:
-        raise InputError(str(path), "its header is cut", "nothing had been recorded yet") from None
     records: list[Record] = []
     lost: list[tuple[int, int]] = []
-    at = end
+    near_s = None
     while at < len(data):
         record = _record(data, at)
         if record is None:
-            following = _next_record(data, at + 1, records[-1].time_s if records else None)
+            following = _next_record(data, at + 1, near_s)
             lost.append((at, following))
             at = following
             continue
-        records.append(record)
         at += _HEAD.size + _SUM.size + len(record.payload)
+        if (record.kind, record.number) == (NOTE, HEADER):
+            header = json.loads(record.payload)
+            continue
+        records.append(record)
+        near_s = record.time_s
+    if header is None:
+        raise InputError(str(path), "its header is cut or damaged", "nothing had been recorded yet, or the header's "
+                         "copies are lost, too")
     return Packets(header, records, _damage(lost, len(data)))
+
+
+def _header(data: bytes) -> tuple[dict[str, Any] | None, int]:
+    """The header at the beginning, and where records begin; None and 0 if it is damaged."""
+    start = len(MAGIC) + _LENGTH.size
+    if not data.startswith(MAGIC) or len(data) < start:
+        return None, 0
+    end = start + _LENGTH.unpack_from(data, len(MAGIC))[0]
+    try:
+        found = json.loads(data[start:end])
+    except ValueError:
+        return None, 0
+    return (found, end) if isinstance(found, dict) else (None, 0)
+
+
+def _is_raw(path: Path, data: bytes) -> bool:
+    """Whether a file with a damaged beginning may be a raw recording, so that a search for its records is worth it."""
+    return data.startswith(MAGIC) or path.suffix == SUFFIX
 
 
 def _record(data: bytes, at: int) -> Record | None:

@@ -28,7 +28,7 @@ from .align import TICK_S, Alignment, align, ticks_of
 from .blocks import Block
 from .mocap.pose_datagram import unpack
 from .mocap.pose_source import seen
-from .packets import ECHO, LOG, NOTE, POSE, REFERENCE, TEXT, Packets, Record, read_packets
+from .packets import ECHO, LOG, LOOP, NOTE, POSE, REFERENCE, TEXT, Packets, Record, read_packets
 from .recorder import RAW_FOLDER
 
 OWN = {"setpoint": {"yaw": (Known("ctrltarget.yaw", unit="deg"),)}}
@@ -137,12 +137,22 @@ def flight_of(packets: Packets, data: list[BlockData], alignment: Alignment, nam
     epoch = float(base.time_s[0])
     span = base.time_s[0], base.time_s[-1]
     streams = {n: _on_span(n, s, span, epoch) for n, s in raw.items()}
-    sheet |= {"recorder": {"raw": f"{RAW_FOLDER}/{name}", "clock": alignment.to_json()}}
+    sheet |= {"recorder": {"raw": f"{RAW_FOLDER}/{name}", "clock": alignment.to_json(), **loop_of(packets)}}
     battery = streams.get("battery")
     if battery is not None and len(battery):
         sheet |= {"battery_voltage_start": float(battery["vbat"][0]), "battery_voltage_end": float(battery["vbat"][-1])}
     provenance = Provenance(place, "", "radio", synthetic=bool(sheet.get("synthetic")))
     return Flight(name, streams, sheet, provenance, epoch_s=epoch)
+
+
+def loop_of(packets: Packets) -> dict[str, dict[str, float]]:
+    """How late the host's loop was, for the sheet; {} if that was not recorded."""
+    late_ms = np.array([1e3 * struct.unpack("<d", r.payload)[0] for r in packets.of(LOOP)])
+    if not len(late_ms):
+        return {}
+    p50, p99, most = np.percentile(late_ms, [50, 99, 100])
+    return {"loop": {"ticks": len(late_ms), "late_p50_ms": round(float(p50), 3), "late_p99_ms": round(float(p99), 3),
+                     "late_most_ms": round(float(most), 3)}}
 
 
 def _streams(data: list[BlockData]) -> dict[str, Stream]:
@@ -217,6 +227,10 @@ def write_parquet(folder: Path, packets: Packets, data: list[BlockData]) -> None
             for i, column in enumerate(("px", "py", "pz", "qx", "qy", "qz", "qw")):
                 table[column] = [float((*p.position_m, *p.quaternion)[i]) for _, p in poses]
             pq.write_table(pa.table(table), folder / "poses.parquet")
+        if loop := packets.of(LOOP):
+            pq.write_table(pa.table({"host_time_s": [r.time_s for r in loop],
+                                     "late_s": [struct.unpack("<d", r.payload)[0] for r in loop]}),
+                           folder / "loop.parquet")
         if notes := packets.of(NOTE, TEXT):
             table = {"host_time_s": [r.time_s for r in notes], "text": [r.payload.decode() for r in notes]}
             pq.write_table(pa.table(table), folder / "notes.parquet")

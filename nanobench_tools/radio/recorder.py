@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 import re
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +14,15 @@ import numpy as np
 from ..errors import InputError
 from ..version import __version__
 from .blocks import Block
+from .fly.flight_loop import Beat
 from .fly.pose_tracker import Believed
 from .host_clock import Clock
 from .mocap.pose_datagram import Pose, pack
-from .packets import ECHO, LOG, POSE, REFERENCE, SENT, PacketWriter
+from .packets import ECHO, LOG, LOOP, POSE, REFERENCE, SENT, SUFFIX, PacketWriter
 from .vehicle_link import CflibLink
 
 RAW_FOLDER = ".raw"
 """Below the folder of recordings; readers of recordings leave folders with a dot out."""
-RAW_SUFFIX = ".packets"
 
 
 def recording_name(words: Sequence[str], started_s: float) -> str:
@@ -37,7 +37,7 @@ class Recorder:
     def __init__(self, folder: Path, name: str, link: CflibLink, blocks: Sequence[Block],
                  sheet: Mapping[str, Any], clock: Clock) -> None:
         self.name, self.folder, self._link, self._clock = name, folder, link, clock
-        self.path = folder / RAW_FOLDER / f"{name}{RAW_SUFFIX}"
+        self.path = folder / RAW_FOLDER / f"{name}{SUFFIX}"
         header = {"version": __version__, "uri": link.uri, "protocol": link.version, "started_unix_s": clock.now(),
                   "blocks": [block.to_json() for block in blocks]}
         self._writer = PacketWriter(self.path, header)
@@ -45,6 +45,8 @@ class Recorder:
         self._writer.sheet(self._clock.now(), self._sheet)
         self.log_packets = self.poses = 0
         self.hosted = False
+        self.beat_of: Callable[[], Beat | None] = lambda: None
+        self._ticks = 0
 
     def start(self) -> None:
         """Listens to the link."""
@@ -67,9 +69,17 @@ class Recorder:
 
     def tick(self, time_s: float, phase: str, believed: Believed | None, commanded_m: np.ndarray | None,
              yaw_rad: float) -> None:
-        """Commanded positions of a controller on the host."""
+        """Commanded positions of a controller on the host, and how late the loop was."""
+        beat = self.beat_of()
+        if beat is not None and len(beat.late_s) > self._ticks:
+            self._ticks = len(beat.late_s)
+            self.loop(beat.late_s[-1])
         if self.hosted and commanded_m is not None:
             self._writer.write(REFERENCE, 0, self._clock.now(), struct.pack("<4d", *commanded_m, yaw_rad))
+
+    def loop(self, late_s: float) -> None:
+        """Delay of a tick of the host's loop: shows the load of this computer."""
+        self._writer.write(LOOP, 0, self._clock.now(), struct.pack("<d", late_s))
 
     def note(self, text: str) -> None:
         self._writer.note(self._clock.now(), text)

@@ -18,17 +18,21 @@ from urllib.parse import urlparse
 import numpy as np
 
 from ..errors import InputError, MissingExtraError
-from .blocks import Block, check_numbers, resolve
+from .blocks import HALF, Block, check_half_precision, check_numbers, resolve
 from .crazyflie import close, crazyflie
 from .host_clock import Clock
 
 ANSWER_S, PARAMETERS_S, SET_S, BLOCKS_S = 5.0, 15.0, 1.0, 2.0
 """How long an answer is waited for: any at all, all tables and parameters, one written parameter, log blocks."""
+RETRY_S = 1.0
+"""Interval between attempts to reach a vehicle that is still starting."""
 PROTOCOLS = (9, 12)
 """Oldest and newest CRTP version whose set-points are known here (9: signs of yaw rates as today's)."""
 SCHEMES = ("radio", "udp", "tcp", "usb", "serial", "prrt", "virtual")
 """``virtual`` is a simulated vehicle in this process on a separate clock (``virtual``)."""
-GENERIC, HIGH_LEVEL, LOCALIZATION, LOG, ECHO = 7, 8, 6, 5, 15
+GENERIC, HIGH_LEVEL, LOCALIZATION, LOG, PLATFORM, ECHO = 7, 8, 6, 5, 13, 15
+VERSION, FIRMWARE = 1, 1
+"""Channel of the platform port, and its command that requests the version of the firmware."""
 HL_STOP, HL_TAKEOFF, HL_LAND = 3, 7, 8
 EMERGENCY_STOP = 3
 """On the localization port: the motors stop, and the vehicle is locked until it is switched off and on."""
@@ -39,6 +43,12 @@ ECHO_MARK = 1
 
 ALARMS = ("assert", "out of bounds, resetting", "brownout", "i2c bus error", "sensors: fail", "self test [fail]")
 """Parts of console lines of firmware 2025.12.1, in lower case, after which a flight should not go on."""
+
+
+
+class NotStartedError(InputError):
+    """The vehicle does not answer, or not yet completely: it may still be starting."""
+
 
 LogSink = Callable[[int, float, bytes], None]
 """(number of the block, host time, tick and values as they came)."""
@@ -95,6 +105,7 @@ class CflibLink:
         self._numbers: dict[int, int] = {}
         self._layouts: list[struct.Struct] = []
         self._complete = threading.Event()
+        self._firmware: str | None = None
         self._failed = ""
         self.alarm, self._console = "", ""
         self._cf = crazyflie(cache, self._on_lost)
@@ -103,11 +114,13 @@ class CflibLink:
         self._cf.fully_connected.add_callback(lambda _: self._complete.set())
         self._cf.add_header_callback(self._on_log, LOG, 2)
         self._cf.add_header_callback(self._on_echo, ECHO, 0)
+        self._cf.add_header_callback(self._on_version, PLATFORM, VERSION)
 
     # -- opening
 
-    def open(self) -> None:
-        """Raises InputError for no answer, a wrong protocol version or tables that do not come."""
+    def open(self, patience_s: float = 0.0) -> None:
+        """Raises NotStartedError for no answer or tables that do not come, InputError for a wrong protocol version.
+        ``patience_s``: longer limit for the tables of a vehicle that answers."""
         self._cf.packet_received.add_callback(self._on_any)
         clock = self._clock
         started = clock.now()
@@ -116,14 +129,14 @@ class CflibLink:
             clock.sleep_until(clock.now() + 0.01)
             waited = clock.now() - started
             if why := self._failed or self.lost:
-                raise InputError(self.uri, f"no link ({why})", "is it switched on, in reach, free?")
+                raise NotStartedError(self.uri, f"no link ({why})", "is it switched on, in reach, free?")
             if not self.heard_s and waited > ANSWER_S:
-                raise InputError(self.uri, f"no answer in {ANSWER_S:.0f} s", "is it switched on, in reach, and not "
-                                 "connected to another program?")
+                raise NotStartedError(self.uri, f"no answer in {ANSWER_S:.0f} s", "is it switched on, in reach, and "
+                                        "not connected to another program?")
             if self.heard_s:
                 self._check_version()
-            if waited > ANSWER_S + PARAMETERS_S:
-                raise InputError(self.uri, f"answers, but its tables did not come within {PARAMETERS_S:.0f} s",
+            if waited > max(ANSWER_S + PARAMETERS_S, patience_s):
+                raise NotStartedError(self.uri, f"answers, but its tables did not come within {waited:.0f} s",
                                  "bring it closer, or is another program connected to it?")
         self._check_version(final=True)
 
@@ -151,6 +164,18 @@ class CflibLink:
     def version(self) -> int:
         return int(self._cf.platform.get_protocol_version())
 
+    def firmware(self) -> str:
+        """Version of the firmware in its own words, such as 2025.12.1; "" if it does not answer."""
+        until = self._clock.now() + SET_S
+        while self._firmware is None and self._clock.now() < until:
+            self._send(PLATFORM, VERSION, bytes([FIRMWARE]))
+            self._clock.sleep_until(self._clock.now() + 0.1)
+        return self._firmware or ""
+
+    def _on_version(self, packet: Any) -> None:
+        if packet.data and packet.data[0] == FIRMWARE:
+            self._firmware = bytes(packet.data[1:]).split(b"\0")[0].decode("ascii", "replace").strip()
+
     @property
     def log_types(self) -> dict[str, str]:
         """Log variable -> type on board."""
@@ -172,6 +197,8 @@ class CflibLink:
 
         wanted = resolve(blocks, self.log_types, self.uri)
         check_numbers([*self.blocks, *wanted], self.uri)
+        if any(HALF in block.types for block in wanted):
+            check_half_precision(wanted, self.firmware(), self.uri)
         started = []
         for block in wanted:
             config = LogConfig(block.name, block.period_ms)
@@ -315,8 +342,10 @@ def check_uri(uri: str) -> None:
 
 
 @contextmanager
-def open_link(uri: str, clock: Clock, cache: Path | None = None) -> Iterator[CflibLink]:
+def open_link(uri: str, clock: Clock, cache: Path | None = None, patience_s: float = 0.0,
+              say: Callable[[str], None] = lambda text: None) -> Iterator[CflibLink]:
     """A link that is open and whose tables are known; closed at the end. ``cache``: folder for tables of contents.
+    ``patience_s``: limit for a vehicle that is still starting; ``say`` takes one line if it has to be waited for.
 
     Raises InputError for an unknown URI, no answer or a wrong protocol version, MissingExtraError without cflib.
     """
@@ -328,9 +357,30 @@ def open_link(uri: str, clock: Clock, cache: Path | None = None) -> Iterator[Cfl
     logging.getLogger("cflib").setLevel(logging.CRITICAL)
     if not cflib.crtp.CLASSES:
         cflib.crtp.init_drivers()
-    link = CflibLink(uri, cache, clock)
+    link = _started(uri, clock, cache, patience_s, say)
     try:
-        link.open()
         yield link
     finally:
         link.close()
+
+
+def _started(uri: str, clock: Clock, cache: Path | None, patience_s: float, say: Callable[[str], None]) -> CflibLink:
+    """The link as soon as the vehicle answers completely, tried again until then."""
+    until, said = clock.now() + patience_s, False
+    while True:
+        link = CflibLink(uri, cache, clock)
+        try:
+            link.open(until - clock.now())
+            return link
+        except NotStartedError as error:
+            link.close()
+            left_s = until - clock.now()
+            if left_s <= 0.0:
+                raise
+            if not said:
+                say(f"{error.found}; it may still be starting: tried for another {left_s:.0f} s, Ctrl-C ends it")
+            said = True
+            clock.sleep_until(clock.now() + RETRY_S)
+        except BaseException:
+            link.close()
+            raise

@@ -31,11 +31,15 @@ KALMAN = 2
 REST_BATTERY_V = 3.6
 """A cell at rest that is nearly empty: recorded flights began at 3.96 to 4.19 V."""
 POSES_S, LOGS_S, FEWEST_POSES = 2.0, 2.0, 20
+STARTS_S = 15.0
+"""Limit for a vehicle that answers but is still starting (sensors calibrate only while it is at rest)."""
 FEWEST_HZ = 20.0
 TILT_DEG, YAW_DEG = 15.0, 45.0
 """Between mocap and gravity (bodies are defined on a table; recordings: 1-3 deg); between mocap and where the vehicle
 believes to look at power-up."""
 NEAR_M, NEAR_DEG, CONVERGE_S, STEADY_S = 0.05, 6.0, 5.0, 0.5
+RESETS = 3
+"""The vehicle's filter is reset so often until its estimate converges to the poses."""
 RESTS_M = 0.01
 
 
@@ -64,8 +68,13 @@ def check_supervisor(uri: str, bits: int) -> None:
                               (TUMBLED, "lying on its back", "put it on its legs")):
         if bits & bit:
             raise InputError(uri, f"the vehicle is {word}", f"{advice}; not armed")
-    if not bits & (CAN_ARM | ARMED | CAN_FLY):
+    if not may_arm(bits):
         raise InputError(uri, "the vehicle's supervisor does not allow arming", "see its console; not armed")
+
+
+def may_arm(bits: int) -> bool:
+    """Whether the supervisor allows arming, or has armed. A vehicle that is still starting does not."""
+    return bool(bits & (CAN_ARM | ARMED | CAN_FLY))
 
 
 def check_poses(name: str, pose: Pose | None, count: int, waited_s: float) -> Pose:
@@ -128,6 +137,10 @@ def check_plan(plan: Plan, limits: Limits) -> None:
                          "give a lower --speed or a higher --speed-limit")
 
 
+class NotConvergedError(InputError):
+    """The vehicle's estimate stays away from the poses."""
+
+
 @dataclass
 class Convergence:
     """Whether the vehicle's estimate has come to the poses and stayed."""
@@ -154,9 +167,9 @@ class Convergence:
         angle = so3.geodesic_angle(turn / np.linalg.norm(turn), pose.quaternion / np.linalg.norm(pose.quaternion))
         return float(np.linalg.norm(place - pose.position_m)), float(np.degrees(angle))
 
-    def refuse(self, pose: Pose, values: Mapping[str, float]) -> InputError:
+    def refuse(self, pose: Pose, values: Mapping[str, float]) -> NotConvergedError:
         off, turned = self.apart(pose, values)
-        return InputError(f"--mocap {self.name}", f"the vehicle's estimate stays {100.0 * off:.0f} cm and "
+        return NotConvergedError(f"--mocap {self.name}", f"the vehicle's estimate stays {100.0 * off:.0f} cm and "
                           f"{turned:.0f} deg from the poses", "do the poses reach it, is it the right body? not armed")
 
 

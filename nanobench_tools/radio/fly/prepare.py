@@ -22,7 +22,7 @@ from .flight_loop import ahead_of_others
 from .flight_plan import Plan
 from .pilot import PERIOD_S, Pilot
 from .pose_tracker import PoseTrack
-from .safety import Limits
+from .safety import CRASHED, LOCKED, TUMBLED, Limits
 
 ECHOES, ECHOES_S, ECHO_S = 10, 3.0, 0.05
 WARM_TICKS, WARM_S = 40, 600.0
@@ -69,11 +69,11 @@ class Preparation:
 
     def _on_the_ground(self) -> Pose:
         uri, values = self.link.uri, self.link.values
-        before, started = self.track.count, self.clock.now()
         if not checklist.wait_for(self.clock, checklist.LOGS_S, lambda: set(checklist.NEEDED_LOGS) <= set(values)):
             raise InputError(uri, "log packets do not come", "is the link good enough? not armed")
+        self._wait_for_supervisor()
         checklist.check_battery(uri, values["pm.vbat"])
-        checklist.check_supervisor(uri, int(values["supervisor.info"]))
+        before, started = self.track.count, self.clock.now()
         checklist.wait_for(self.clock, checklist.POSES_S - (self.clock.now() - started),
                            lambda: self.track.count - before >= checklist.FEWEST_POSES)
         waited = max(self.clock.now() - started, 1e-3)
@@ -83,10 +83,29 @@ class Preparation:
                   "up is up")
         return pose
 
+    def _wait_for_supervisor(self) -> None:
+        """Waits for a vehicle whose supervisor does not allow arming yet: it may still be starting."""
+        values = self.link.values
+        bits = int(values["supervisor.info"])
+        if not checklist.may_arm(bits) and not bits & (LOCKED | CRASHED | TUMBLED):
+            self._say(f"the vehicle does not allow arming yet: waits up to {checklist.STARTS_S:.0f} s, Ctrl-C ends it")
+            checklist.wait_for(self.clock, checklist.STARTS_S,
+                               lambda: checklist.may_arm(int(values["supervisor.info"])))
+        checklist.check_supervisor(self.link.uri, int(values["supervisor.info"]))
+
     def _estimate(self, pose: Pose, yaw_rad: float) -> None:
-        """The vehicle's filter starts from here, and has to come to the poses."""
+        """The vehicle's filter starts from here, and has to converge to the poses."""
+        self.link.set_parameter("stabilizer.estimator", checklist.KALMAN)
+        for attempt in range(1, checklist.RESETS + 1):
+            try:
+                return self._converged(pose, yaw_rad)
+            except checklist.NotConvergedError as error:
+                if attempt == checklist.RESETS:
+                    raise
+                self._say(f"{error.found}: the vehicle's filter is reset again ({attempt + 1} of {checklist.RESETS})")
+
+    def _converged(self, pose: Pose, yaw_rad: float) -> None:
         link = self.link
-        link.set_parameter("stabilizer.estimator", checklist.KALMAN)
         for name, value in zip(("X", "Y", "Z", "Yaw"), (*pose.position_m, yaw_rad), strict=True):
             link.set_parameter(f"kalman.initial{name}", float(np.float32(value)))
         link.set_parameter("kalman.resetEstimation", 1)

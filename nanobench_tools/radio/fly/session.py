@@ -31,6 +31,8 @@ from .stop_socket import listening
 from .watch import Watch
 
 HOST = HostClock()
+STARTS_S = 60.0
+"""Limit for a vehicle that does not answer yet: a simulated one compiles for half a minute at its first start."""
 GROUND_S = 2.0
 """At rest before take-off and after landing, for what reads the recording."""
 
@@ -90,7 +92,7 @@ def fly_session(request: Request) -> Result:
     with ExitStack() as stack:
         clock = request.clock
         helper = stack.enter_context(companion(request.uri)) if clock.real else None
-        link = stack.enter_context(open_link(request.uri, clock, request.cache))
+        link = stack.enter_context(open_link(request.uri, clock, request.cache, STARTS_S, request.say))
         check_tables(request.uri, set(link.log_types), link.parameters)
         running = link.start_blocks([*health_blocks(), *(request.blocks if request.record_to is not None else ())])
         feed = Feed(link, request.source)
@@ -116,6 +118,8 @@ def fly_session(request: Request) -> Result:
         flight = Flight(link, feed.track, request.pilot, ready, request.limits, clock, tuple(listeners), feed.sent,
                         ground_s=GROUND_S, gate=feed.gate, feed=feed.switch)
         watch.beat_of = lambda: flight.pacer.beat
+        if recorder is not None:
+            recorder.beat_of = watch.beat_of
         keys = (space_stops(lambda: flight.interrupts.stop("space bar")) if clock.real
                 else nullcontext())
         requests = (listening(request.uri, lambda: flight.interrupts.stop("nanobench stop")) if clock.real
