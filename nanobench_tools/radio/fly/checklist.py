@@ -17,13 +17,15 @@ from ...errors import InputError
 from ..blocks import Block
 from ..host_clock import Clock
 from ..mocap.pose_datagram import Pose
+from .dead_reckoning import THRUST
 from .flight_plan import Plan
 from .pose_tracker import PoseTrack
 from .safety import CRASHED, LOCKED, TUMBLED, Limits
 
 NEEDED_LOGS = ("pm.vbat", "supervisor.info", "acc.x", "acc.y", "acc.z", "gyro.x", "gyro.y", "gyro.z",
                "stateEstimate.x", "stateEstimate.y", "stateEstimate.z",
-               "stateEstimate.qx", "stateEstimate.qy", "stateEstimate.qz", "stateEstimate.qw")
+               "stateEstimate.vx", "stateEstimate.vy", "stateEstimate.vz",
+               "stateEstimate.qx", "stateEstimate.qy", "stateEstimate.qz", "stateEstimate.qw", THRUST)
 NEEDED_PARAMETERS = ("stabilizer.controller", "stabilizer.estimator", "kalman.resetEstimation", "kalman.initialX",
                      "kalman.initialY", "kalman.initialZ", "kalman.initialYaw")
 CAN_ARM, ARMED, CAN_FLY = 1 << 0, 1 << 1, 1 << 3
@@ -46,7 +48,7 @@ RESTS_M = 0.01
 def health_blocks() -> list[Block]:
     """What the checks and the rules need of the vehicle, in three slow blocks."""
     return [Block("health", 100, NEEDED_LOGS[:2], ("", "")), Block("motion", 20, NEEDED_LOGS[2:8], ("",) * 6),
-            Block("estimate", 50, NEEDED_LOGS[8:11], ("",) * 3), Block("turn", 50, NEEDED_LOGS[11:], ("",) * 4)]
+            Block("estimate", 50, NEEDED_LOGS[8:14], ("",) * 6), Block("turn", 50, NEEDED_LOGS[14:], ("",) * 5)]
 
 
 def check_tables(uri: str, logs: set[str], parameters: set[str]) -> None:

@@ -12,6 +12,8 @@ from ..host_clock import Clock
 from ..in_time import end_at_once
 from ..vehicle_link import FLYING, Link
 from . import safety, setpoint_packets
+from .attitude_descent import descend
+from .dead_reckoning import DeadReckoning
 from .flight_loop import Pacer, ahead_of_others, undisturbed
 from .flight_plan import LANDING, TAKEOFF, Plan
 from .guardian import Guardian
@@ -35,6 +37,8 @@ GROUND_M = 0.03
 STILL_S, WRITTEN_S = 4.0, 0.2
 """Maximum wait for motors that do not turn; and for the recording's writer, if the program ends at once."""
 ECHO_S, RECENT_TRIPS = 0.1, 5
+MISSING_S = 0.1
+"""Poses are missing after so long."""
 STOP_S, STOP_AGAIN_S = 5.0, 0.02
 """An emergency stop is repeated until the vehicle reports that it is locked, so long at most."""
 LOW_M, OFF_TIMES = 0.3, 25
@@ -47,6 +51,10 @@ RELEASES = 50
 LIFT_S, LIFT_AGAIN_S = 6.0, (0.8, 2.4)
 """Maximum time on the ground after the command to take off. The command is repeated before: soon, since it may have
 been lost, then late, since the integrators of a heavy vehicle need time."""
+
+
+class EstimateLostError(Exception):
+    """Poses are missing, and the vehicle's estimate is not trusted: the planner is no help."""
 
 
 class Flight:
@@ -67,6 +75,8 @@ class Flight:
         self._gate, self._feed = gate or PoseGate(), feed
         self._gate.ground_m = self.ground_m
         self._physics = PosePhysics()
+        self._reckoning = DeadReckoning(ground_m=self.ground_m, delay_s=ready.delay_s)
+        self._watches_estimate = False
         self._listeners, self._setpoint = listeners, setpoint
         self._outcome = Outcome()
         self._now = Situation()
@@ -168,6 +178,7 @@ class Flight:
         now.supervisor = int(link.values.get("supervisor.info", 0))
         now.silent_s, now.lost = host - link.heard_s, link.lost
         now.health_age_s = health_age_s(link, host)
+        now.estimate_fault = self._reckon(host, believed)
         now.astray_m = float(np.linalg.norm(astray(link, believed, host)))
         now.pose_fault = self._gate.why or now.pose_fault or self._physics.check(believed, link.values, link.logged_s,
                                                                                  host)
@@ -178,6 +189,12 @@ class Flight:
         now.late_ticks = self.pacer.beat.late_in_a_row
         now.interrupted = self.interrupts.requested
         self._request_echo()
+
+    def _reckon(self, host_s: float, believed: Believed | None) -> str:
+        """Why the vehicle's estimate is not trusted, if poses are missing."""
+        doubted = self._unbelieved or bool(self._gate.why)
+        self._reckoning.update(host_s, None if doubted else believed, self.link.values, self.link.logged_s)
+        return self._reckoning.fault if self._reckoning.blind_s > MISSING_S else ""
 
     def _request_echo(self) -> None:
         """Keeps the link's round trips coming."""
@@ -269,7 +286,7 @@ class Flight:
     def _land(self) -> Stop | None:
         """The plan's own landing. A link that was lost meanwhile or a vehicle that says it crashed is no good end."""
         self.link.release()
-        self._by_setpoints(land(self.link, self.clock, self.ground_m, self._height(), self._seen, self._idle))
+        self._down(lambda: land(self.link, self.clock, self.ground_m, self._height(), self._seen, self._idle))
         self._rest()
         self._look(self._now.time_s)
         watched = [rule for rule in self.rules if isinstance(rule, safety.LostLink | safety.VehicleStopped)]
@@ -293,10 +310,28 @@ class Flight:
         yaw = 0.0 if self._believed is None else self._believed.yaw_rad
         brief = now.pose_age_s > self.limits.stale_s or stop.rule in (safety.Sinks.name, safety.PosesDisagree.name)
         own = self._own if stop.rule == safety.Astray.name else None
-        self._by_setpoints(hand_over(self.link, self.clock, place, yaw, self.ground_m, brief=brief, seen=self._seen,
+        self._down(lambda: hand_over(self.link, self.clock, place, yaw, self.ground_m, brief=brief, seen=self._seen,
                                      tick=self._idle, own=own))
         self._rest()
         return stop
+
+    def _down(self, way: Callable[[], str]) -> None:
+        """To the ground by ``way``. If the vehicle turns out not to know where it is, by attitude and thrust."""
+        self._watches_estimate = True
+        try:
+            self._check_estimate(self._now.estimate_fault)
+            self._by_setpoints(way())
+            self._watches_estimate = False
+        except EstimateLostError as lost:
+            self._watches_estimate = False
+            self._note(f"{lost}: taken down by attitude and thrust")
+            descend(self.link, self.clock, self._reckoning, self.ground_m, self._seen, self._idle,
+                    brakes=not self._unbelieved or bool(self._gate.why))
+            self._unbelieved = True  # motors off, even if poses come again
+
+    def _check_estimate(self, fault: str) -> None:
+        if fault and self._watches_estimate and np.isfinite(self._reckoning.hover_counts):
+            raise EstimateLostError(fault)
 
     def _drop(self, stop: Stop) -> Stop:
         """Motors off just above the ground: where poses lie, set-points and planner would fly after them."""
@@ -373,6 +408,8 @@ class Flight:
         self._request_echo()
         self._report(self._now.time_s, None)
         self._cut_outside()
+        fault = self._reckon(self.clock.now(), self.track.at(self.clock.now()))
+        self._check_estimate(fault)
 
     def _cut_outside(self) -> None:
         """A vehicle that gets beyond the hard fence while it should land: its motors stop."""

@@ -36,6 +36,7 @@ class Situation:
     - pose_fault: why the poses are not believed, in words.
     - home_s: time that landing from here takes; trip_s: median of the last round trips of the link.
     - alarm: console line of the vehicle that reports a failure.
+    - estimate_fault: why the vehicle's estimate is not trusted, in words; only without poses.
     - astray_m: between the vehicle's own estimate and the poses, nan if unknown."""
 
     time_s: float = 0.0
@@ -58,6 +59,7 @@ class Situation:
     home_s: float = 0.0
     trip_s: float = 0.0
     alarm: str = ""
+    estimate_fault: str = ""
 
 
 class Rule(Protocol):
@@ -338,6 +340,15 @@ class Astray:
         return f"the vehicle believes to be {now.astray_m:.2f} m from the poses" if self._lasted_s > self.FOR_S else ""
 
 
+class EstimateLost:
+    """Poses are missing, and the vehicle's estimate contradicts its own IMU: its loops would fly after it."""
+
+    name = "estimate"
+
+    def check(self, now: Situation) -> str:
+        return now.estimate_fault
+
+
 class VehicleStopped:
     """Its own supervisor has ended the flight."""
 
@@ -351,8 +362,8 @@ class VehicleStopped:
 
 def rules(limits: Limits) -> tuple[Rule, ...]:
     """All of them; the first that has a reason ends the flight."""
-    return (Interrupted(), LostLink(limits.silent_s), VehicleStopped(), PosesDisagree(), StalePose(limits.stale_s),
-            ConsoleAlarm(), ControllerFailed(), Overrun(limits.overrun_s, limits.late_ticks),
+    return (Interrupted(), LostLink(limits.silent_s), VehicleStopped(), PosesDisagree(), EstimateLost(),
+            StalePose(limits.stale_s), ConsoleAlarm(), ControllerFailed(), Overrun(limits.overrun_s, limits.late_ticks),
             HardFence(*limits.fence), Geofence(*limits.fence),
             Tilt(limits.tilt_deg), Speed(limits.speed_m_s), LowBattery(limits.battery_V), Sinks(), Unheard(),
             SlowLink(), Astray())

@@ -50,6 +50,12 @@ def rates(thrust_counts: float, rate_rad_s: np.ndarray) -> bytes:
     return _MANUAL.pack(MANUAL, x, -y, z, round(min(max(thrust_counts, 0.0), MOST_COUNTS)), 1)
 
 
+def attitude(thrust_counts: float, roll_rad: float, pitch_rad: float) -> bytes:
+    """Collective thrust as counts of one motor 0..65535, roll and pitch (forward-left-up) held, yaw rate 0."""
+    counts = round(min(max(thrust_counts, 0.0), MOST_COUNTS))
+    return _MANUAL.pack(MANUAL, float(np.degrees(roll_rad)), -float(np.degrees(pitch_rad)), 0.0, counts, 0)
+
+
 def full_state(place_m: np.ndarray, speed_m_s: np.ndarray, acceleration_m_s2: np.ndarray, quaternion: np.ndarray,
                rate_rad_s: np.ndarray) -> bytes:
     """Place, velocity, acceleration (3,) world, attitude (4,), body rates (3,), in thousandths."""
@@ -132,7 +138,10 @@ def decoded(packet: bytes) -> dict[str, object]:
         _, x, y, z, turn = _VELOCITY.unpack(packet)
         return {"kind": "velocity", "velocity_m_s": (x, y, z), "yaw_rate_rad_s": float(np.radians(turn))}
     if kind == MANUAL:
-        _, roll, pitch, yaw, thrust, _ = _MANUAL.unpack(packet)
+        _, roll, pitch, yaw, thrust, rate = _MANUAL.unpack(packet)
+        if not rate:
+            return {"kind": "attitude", "thrust_counts": thrust, "attitude_rad": (np.radians(roll), np.radians(-pitch)),
+                    "yaw_rate_rad_s": float(np.radians(yaw))}
         turning = tuple(float(v) for v in np.radians([roll, -pitch, yaw]))
         return {"kind": "thrust-rates", "thrust_counts": thrust, "rate_rad_s": turning}
     if kind == FULL_STATE:
