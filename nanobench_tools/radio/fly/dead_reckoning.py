@@ -35,8 +35,8 @@ BIAS_S, HOVER_S = 2.0, 1.0
 LEAST_G = 0.5
 """Specific force below which thrust and acceleration are not compared."""
 NEAR_M, PER_M_S, PER_S2 = 0.3, 0.1, 0.5
-"""Tolerance between this and the vehicle's estimate. It has a part for noise, one for the age of the log at the present
-speed, and one that grows with the square of the time since the last pose (an accelerometer of 0.1 g bias)."""
+"""Tolerance between this and the vehicle's estimate: a constant part for noise; one for the age of the log, per speed.
+The last part grows with the square of the time since the last pose (an accelerometer of 0.1 g bias)."""
 NEAR_M_S, PER_S = 0.5, 1.0
 """The same of velocities: a part for noise and the age of the log, and the growth by that bias."""
 NEAR_DEG = 15.0
