@@ -63,11 +63,13 @@ OWN_MODEL = ("{} plans with the recorded vehicle, the model of a simulated vehic
 @click.option("--speed-limit", type=FiniteRange(0.1, 20.0), default=3.0, show_default=True, metavar="M_S")
 @click.option("--battery-limit", type=FiniteRange(2.5, 4.2), default=2.9, show_default=True, metavar="V",
               help="Mean of a second under load below which it lands.")
+@click.option("--check-motors", is_flag=True, help="Turn every motor for a moment before take-off, and refuse to fly "
+              "if a motor or propeller is not as the others and as usual.")
 @click.option("--yes", is_flag=True, help="Arm a real vehicle without asking, for scripts.")
 def fly(options: Options, controller: str, trajectory: str, speed: float | None, size: float | None,
         seconds: float | None, uri: str | None, mocap: str | None, record_to: Path | None, blocks: Path | None,
         setpoints: str | None, simulator: Path | None, dry_run: bool, yaw_deg: float, fence: tuple[float, ...],
-        tilt_deg: float, speed_limit: float, battery_limit: float, yes: bool) -> int:
+        tilt_deg: float, speed_limit: float, battery_limit: float, check_motors: bool, yes: bool) -> int:
     """Fly a path: checklist, take-off, fade-in, path, fade-out, landing, at 100 Hz.
 
     A broken rule (fence, pose, battery, tilt, speed, controller, deadlines, link, Ctrl-C) ends the flight. The vehicle
@@ -94,8 +96,15 @@ def fly(options: Options, controller: str, trajectory: str, speed: float | None,
     request = Request(spec, pilot, limits, uri, source,
                       read_blocks(blocks) if blocks else default_blocks(), math.radians(yaw_deg), record_to,
                       options.quiet, options.say, toc_cache(),
-                      confirm=confirmation(uri, is_simulated(uri, source), yes))
+                      confirm=confirmation(uri, is_simulated(uri, source), yes), check_motors=check_motors,
+                      motor_tests=None if is_simulated(uri, source) else motor_tests())
     return _fly(options, request)
+
+
+def motor_tests() -> Path | None:
+    """File with earlier motor tests of the user's vehicles; None where nothing can be written."""
+    folder = toc_cache()
+    return None if folder is None else folder / "motor_tests.json"
 
 
 def confirmation(uri: str, simulated: bool, yes: bool) -> Callable[[], None]:

@@ -304,6 +304,10 @@ class CflibLink:
     def emergency_stop(self) -> None:
         self._send(LOCALIZATION, 1, bytes([EMERGENCY_STOP]))
 
+    def write_parameter(self, name: str, value: float) -> None:
+        """Writes without waiting for the echo: the vehicle takes back some, such as the start of a test."""
+        self._cf.param.set_value(name, str(value))
+
     def set_parameter(self, name: str, value: float) -> None:
         """Writes and waits for the echo. Raises InputError for an unknown parameter or no echo."""
         if name not in self.parameters:

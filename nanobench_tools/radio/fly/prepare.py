@@ -44,13 +44,15 @@ class Ready:
 
 class Preparation:
     """``feed`` switches on that poses are sent to the vehicle; ``say`` takes one line a step; ``confirm`` is called
-    before arming."""
+    before motors turn; ``check_motors``: turns them for a moment, and raises to refuse."""
 
     def __init__(self, link: CflibLink, track: PoseTrack, clock: Clock, limits: Limits, mocap: str,
                  feed: Callable[[bool], None], say: Callable[[str], None],
-                 confirm: Callable[[], None] = lambda: None) -> None:
+                 confirm: Callable[[], None] = lambda: None,
+                 check_motors: Callable[[CflibLink], None] | None = None) -> None:
         self.link, self.track, self.clock, self.limits, self.mocap = link, track, clock, limits, mocap
         self._feed, self._say, self._confirm = feed, say, confirm
+        self._check_motors = check_motors
 
     def run(self, pilot: Pilot, plan_from: Callable[[np.ndarray, float], Plan], yaw_rad: float) -> Ready:
         """Raises InputError for any failed check; the vehicle is then not armed."""
@@ -62,6 +64,8 @@ class Preparation:
         call_s = self._warm(pilot, plan, delay_s)
         self.link.set_parameter("stabilizer.controller", pilot.onboard)
         self._confirm()
+        if self._check_motors is not None:
+            self._check_motors(self.link)
         if not checklist.standing_still(self.track, pose):
             raise InputError(f"--mocap {self.mocap}", "the vehicle was moved during the checks", "leave it; not armed")
         self._arm()
@@ -89,8 +93,12 @@ class Preparation:
         bits = int(values["supervisor.info"])
         if not checklist.may_arm(bits) and not bits & (LOCKED | CRASHED | TUMBLED):
             self._say(f"the vehicle does not allow arming yet: waits up to {checklist.STARTS_S:.0f} s, Ctrl-C ends it")
-            checklist.wait_for(self.clock, checklist.STARTS_S,
-                               lambda: checklist.may_arm(int(values["supervisor.info"])))
+
+            def may_arm() -> bool:
+                self.link.request_echo()  # a vehicle that hears nothing for a second stops its log
+                return checklist.may_arm(int(values["supervisor.info"]))
+
+            checklist.wait_for(self.clock, checklist.STARTS_S, may_arm)
         checklist.check_supervisor(self.link.uri, int(values["supervisor.info"]))
 
     def _estimate(self, pose: Pose, yaw_rad: float) -> None:

@@ -16,12 +16,13 @@ from ..host_clock import Clock, HostClock
 from ..mocap.pose_source import PoseSource
 from ..record_export import Exported, export
 from ..recorder import Recorder, check_folder, recording_name
-from ..vehicle_link import check_uri, open_link
+from ..vehicle_link import FLYING, CflibLink, check_uri, open_link
 from .checklist import check_tables, health_blocks
 from .companion import companion
 from .flight_plan import Plan
 from .keys import space_stops
 from .mission import Flight
+from .motor_test import check_motors
 from .outcome import Listener, Outcome, TrackingError, summary
 from .pilot import Pilot
 from .pose_feed import Feed
@@ -41,7 +42,7 @@ GROUND_S = 2.0
 class Request:
     """Request for a flight. ``record_to``: folder, or None; ``blocks`` of the recording; ``quiet``: no display;
     ``say`` takes one line a step; ``cache``: folder for the vehicle's tables; ``confirm`` is called before the vehicle
-    is armed, and raises to refuse."""
+    is armed, and raises to refuse; ``check_motors``: test them before; ``motor_tests``: file with earlier tests."""
 
     spec: PathSpec
     pilot: Pilot
@@ -56,6 +57,8 @@ class Request:
     cache: Path | None = None
     clock: Clock = HOST
     confirm: Callable[[], None] = lambda: None
+    check_motors: bool = False
+    motor_tests: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -98,9 +101,14 @@ def fly_session(request: Request) -> Result:
         feed = Feed(link, request.source)
         stack.callback(feed.close)
         feed.start()
+
+        def check(open_: CflibLink) -> None:
+            check_motors(open_, clock, request.say, request.motor_tests)
+
         ready = Preparation(link, feed.track, clock, request.limits, request.source.name, feed.switch,
-                            request.say, request.confirm).run(
+                            request.say, request.confirm, check if request.check_motors else None).run(
             request.pilot, lambda place, yaw: Plan(request.spec, place, yaw), request.yaw_rad)
+        stack.callback(_disarm, link)  # in case that something fails before or after the flight
         if helper is not None:
             helper.port(link.udp_port)
             helper.ground_m = float(ready.pose.position_m[2])
@@ -133,6 +141,12 @@ def fly_session(request: Request) -> Result:
             recorder.sheet({"flight": to_json(summary(outcome, ready), nan=float)})
     raw = None if recorder is None else recorder.path
     return Result(outcome, ready, _exported(raw, outcome, request), raw, tracking)
+
+
+def _disarm(link: CflibLink) -> None:
+    """The vehicle does not stay armed, except in flight."""
+    if not int(link.values.get("supervisor.info", 0)) & FLYING:
+        link.arm(False)
 
 
 def _exported(raw: Path | None, outcome: Outcome, request: Request) -> Exported | None:

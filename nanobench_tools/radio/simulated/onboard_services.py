@@ -15,6 +15,7 @@ from ..crtp import Packet, Port
 from . import commander, supervisor
 from .commander import Commander
 from .console import Console
+from .health import Health
 from .high_level import HighLevel
 from .link import PROTOCOL_VERSION, answer_link, answer_platform
 from .localization import Localization
@@ -65,6 +66,7 @@ class Onboard:
         self.lamps = SimpleNamespace(**{name.replace(".", "_"): 0 for name in LAMPS})
         self.localization = Localization(s, self.supervisor.stop, self._feed_watchdog)
         self.selection = Selection(s, self.console.say, self.supervisor.stop)
+        self.health = Health(s, self.console.say)
         self.log, self.params = Log(self._log_variables()), Parameters(self._parameters())
         self._held = np.zeros(1, SETPOINT)
         self._heard_ms = self.tick_ms
@@ -108,7 +110,12 @@ class Onboard:
             due = self.log.due_ms()
             end = min(until_ms, now - now % SLICE_MS + SLICE_MS, until_ms if due is None else max(due, now + 1))
             self._apply()
+            if self.health.running:
+                end = now + 1
+                self.health.step()
             self.vehicle.advance(end - now)
+            if self.health.running:
+                self.health.seen()
             now = end
             if now - self._heard_ms > SILENCE_MS:
                 self.log.stop()
@@ -132,7 +139,7 @@ class Onboard:
         planned = self.high_level.update(now, loop["estimate"])
         if planned is not None:
             self.commander.offer(planned, commander.HIGH_LEVEL, now)
-        if now % supervisor.EVERY_MS == 0:
+        if now % supervisor.EVERY_MS == 0 and not self.health.running:
             seen = Seen(loop["acc_g"], self.commander.age_ms(now), int(loop["step"] - loop["motor_on_step"]))
             self.supervisor.update(seen, now)
         if self.build.positioning:
@@ -158,6 +165,7 @@ class Onboard:
         found |= {f"locSrv.{name}": LogVariable("f4", where.last[i:i + 1].item)
                   for i, name in enumerate(("x", "y", "z", "qx", "qy", "qz", "qw"))}
         found["supervisor.info"] = LogVariable("u2", lambda: self.supervisor.info(self.high_level.status))
+        found |= self.health.variables()
         found["sys.canfly"] = LogVariable("u1", lambda: self.supervisor.motors_allowed)
         found["sys.isFlying"] = LogVariable("u1", lambda: self.supervisor.flying)
         found["sys.isTumbled"] = LogVariable("u1", lambda: self.supervisor.tumbled)
@@ -169,6 +177,7 @@ class Onboard:
     def _parameters(self) -> dict[str, Parameter]:
         where, mode = self.localization, self.rpyt.mode
         found = stabilizer_parameters(self.vehicle.stabilizer) | self.selection.parameters()
+        found |= self.health.parameters()
         found |= {f"flightmode.{name}": attribute(mode, name, "u1") for name in vars(mode)}
         found["locSrv.extPosStdDev"] = attribute(where, "position_sd_m", "f4")
         found["locSrv.extQuatStdDev"] = attribute(where, "attitude_sd_rad", "f4")
