@@ -58,9 +58,11 @@ def verdict_of(audit: Audit) -> AuditVerdict:
     usable = () if grounded or "" in whole or "mocap" in whole else intersect_spans(flown, clean)
     flight_s, usable_s = _total(flown), _total(usable)
     severity = _severity(usable, flight_s, whole, events)
-    return AuditVerdict(audit.flight, _sentence(severity, usable_s, 0.0 if grounded else flight_s, bool(audit.airborne),
-                                                events),
-                        severity, usable, usable_s, flight_s, tuple(sorted(whole)), events)
+    sentence = _sentence(severity, usable_s, 0.0 if grounded else flight_s, bool(audit.airborne), events)
+    if audit.lost_link:
+        sentence = f"{sentence}; {audit.lost_link}"
+        severity = "minor" if severity == "fine" else severity
+    return AuditVerdict(audit.flight, sentence, severity, usable, usable_s, flight_s, tuple(sorted(whole)), events)
 
 
 def _severity(usable: tuple[Span, ...], flight_s: float, unfit: set[str], events: tuple[FaultEvent, ...]) -> Severity:

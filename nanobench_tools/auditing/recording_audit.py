@@ -36,6 +36,7 @@ class Audit(Result):
     - clean: the recording without the cutting faults of any stream. A constant battery reading does not affect the
       other streams (``clean_for`` with the battery cuts it).
     - clock and rates: per stream.
+    - lost_link: how a flight ended whose link or log was lost in the air, in words; "" for others.
     """
 
     flight: str
@@ -48,6 +49,7 @@ class Audit(Result):
     clock: dict[str, ClockReading]
     rates: dict[str, RateReading]
     span: Span
+    lost_link: str = ""
 
     def clean_for(self, streams: Iterable[str], kinds: Iterable[str] | None = None) -> tuple[Span, ...]:
         """Spans of the recording without a fault of ``kinds`` (None: of those that cut) in ``streams``; not intersected
@@ -97,7 +99,7 @@ class Audit(Result):
                        for f in self.faults],
             "clock": _shared(to_json(self.clock)),
             "rates": {name: {"samples": r.samples, "rate_hz": _number(r.rate_hz)} for name, r in self.rates.items()},
-        }
+        } | ({"lost_link": self.lost_link} if self.lost_link else {})
 
     @classmethod
     def from_json(cls, body: Mapping[str, Any]) -> Audit:
@@ -117,6 +119,7 @@ class Audit(Result):
             clock=from_json(dict[str, ClockReading], _unshared(body["clock"])),
             rates={name: RateReading(r["samples"], _nan(r["rate_hz"])) for name, r in body["rates"].items()},
             span=Span(*body["span"]),
+            lost_link=body.get("lost_link", ""),
         )
 
 
@@ -165,7 +168,27 @@ def audit(flight: Flight, context: Context | None = None) -> Audit:
     return Audit(flight=flight.name, path=flight.provenance.path, sha256=flight.provenance.sha256,
                  controller=controller_of(context), airborne=context.once(airborne_spans),
                  clean=subtract_spans([span], cuts), faults=tuple(faults), clock=clocks_with_time_offset(context),
-                 rates=context.once(rates_of), span=span)
+                 rates=context.once(rates_of), span=span, lost_link=lost_link_of(flight.metadata))
+
+
+def lost_link_of(sheet: Mapping[str, Any]) -> str:
+    """How a flight ended whose link or log was lost in the air; "" for others. ``fly`` and ``record`` find it in the
+    later poses, and keep it as ``recorder.lost_link`` in the sheet."""
+    found = sheet.get("recorder")
+    found = found.get("lost_link") if isinstance(found, Mapping) else None
+    if not isinstance(found, Mapping) or "how" not in found:
+        return ""
+    where = f"the link or its log was lost {_metres(found.get('height_m'))} above the ground"
+    if found["how"] not in ("landed", "fell"):
+        return f"{where}, and its end is unknown ({found.get('why', 'no poses')})"
+    sank = found.get("sank_m_s")
+    speed = f" with {sank:.1f} m/s" + (" at most" if found["how"] == "landed" else "") \
+        if isinstance(sank, int | float) else ""
+    return f"{where}, and the vehicle {found['how']}{speed}"
+
+
+def _metres(value: Any) -> str:
+    return f"{value:.2f} m" if isinstance(value, int | float) else "an unknown height"
 
 
 def find_copies(flights: Sequence[Flight]) -> list[list[str]]:

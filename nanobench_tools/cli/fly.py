@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 KINDS = ("thrust-rates", "full-state", "velocity", "position")
 INTERRUPTED = 130
+MAY_FALL = ("lost link", "supervisor", "emergency stop", "interrupted")
+"""Reasons after which it is not certain that the vehicle landed."""
 OWN_MODEL = ("{} plans with the recorded vehicle, the model of a simulated vehicle that is served without --simulator. "
              "Do not expect its tracking error of a real one")
 
@@ -177,7 +179,8 @@ def _fly(options: Options, request: Request) -> int:
     elif result.raw is not None:
         options.say(f"the raw recording is in {result.raw}; nanobench record --export makes a recording of it")
     stop = outcome.stop
-    said = f"{request.pilot.name}, {request.spec.trajectory_id}: " + (f"landed early: {stop}" if stop else "flown")
+    early = "ended early" if stop is not None and stop.rule in MAY_FALL else "landed early"
+    said = f"{request.pilot.name}, {request.spec.trajectory_id}: " + (f"{early}: {stop}" if stop else "flown")
     if page is not None:
         close(options, said, "its page", *shown_page(page))
     elif body.recording is not None:
@@ -185,6 +188,6 @@ def _fly(options: Options, request: Request) -> int:
     else:
         close(options, said, "fly it again and keep it", *again("--record", "flights"))
     if stop is not None:
-        options.failed.append({"item": "fly", "file": request.uri, "error": f"landed early: {stop}"})
+        options.failed.append({"item": "fly", "file": request.uri, "error": f"{early}: {stop}"})
     code = options.finish("fly", body)
     return INTERRUPTED if stop is not None and stop.rule == "interrupted" else code

@@ -26,6 +26,7 @@ from ..sources.nanobench_writer import write_nanobench
 from ..units import factor
 from .align import TICK_S, Alignment, align, ticks_of
 from .blocks import Block
+from .flight_end import lost_link
 from .mocap.pose_datagram import unpack
 from .mocap.pose_source import seen
 from .packets import ECHO, LOG, LOOP, NOTE, POSE, REFERENCE, TEXT, Packets, Record, read_packets
@@ -128,21 +129,31 @@ def flight_of(packets: Packets, data: list[BlockData], alignment: Alignment, nam
     main = [s for n, s in raw.items() if n not in SLOW and not (n == "setpoint" and commanded)]
     first, last = max(s.time_s[0] for s in main), min(s.time_s[-1] for s in main)
     inside = (stamps >= first) & (stamps <= last)
+    kept = [pose for pose, rise in zip(poses, rises, strict=True) if rise]
     if len(stamps):
         if inside.sum() < max(WINDOW, SHORTEST_S / 0.01):
             raise InputError(place, f"{int(inside.sum())} poses while the log ran", "nothing to export")
-        kept = [pose for pose, rise in zip(poses, rises, strict=True) if rise]
         raw["mocap"] = _mocap(stamps[inside], [p for p, here in zip(kept, inside, strict=True) if here])
     base = raw["mocap"] if "mocap" in raw else max(main, key=len)
     epoch = float(base.time_s[0])
     span = base.time_s[0], base.time_s[-1]
     streams = {n: _on_span(n, s, span, epoch) for n, s in raw.items()}
-    sheet |= {"recorder": {"raw": f"{RAW_FOLDER}/{name}", "clock": alignment.to_json(), **loop_of(packets)}}
+    sheet |= {"recorder": {"raw": f"{RAW_FOLDER}/{name}", "clock": alignment.to_json(), **loop_of(packets),
+                           **_end(kept, max(float(s.time_s[-1]) for s in main))}}
     battery = streams.get("battery")
     if battery is not None and len(battery):
         sheet |= {"battery_voltage_start": float(battery["vbat"][0]), "battery_voltage_end": float(battery["vbat"][-1])}
     provenance = Provenance(place, "", "radio", synthetic=bool(sheet.get("synthetic")))
     return Flight(name, streams, sheet, provenance, epoch_s=epoch)
+
+
+def _end(poses: list[Any], logged_s: float) -> dict[str, Any]:
+    """How the flight ended if its link was lost in the air, for the sheet; {} for others."""
+    if not poses:
+        return {}
+    found = lost_link(np.array([p.time_s for p in poses]), np.array([p.position_m for p in poses]),
+                      np.array([p.quaternion for p in poses]), logged_s)
+    return {"lost_link": found} if found else {}
 
 
 def loop_of(packets: Packets) -> dict[str, dict[str, float]]:
