@@ -12,6 +12,7 @@ import numba as nb
 import numpy as np
 
 from nanobench_tools.settings import setting
+from nanobench_tools.slices import put, put_matrix
 from nanobench_tools.units import GRAVITY_M_S2
 
 P, V, Q, BA, BG, MOUNT, SLOPE, AIR, LATE, WANDER = 0, 3, 6, 10, 13, 16, 19, 20, 22, 23
@@ -170,18 +171,17 @@ def _scalar(c: np.ndarray, x: np.ndarray, h: np.ndarray, innovation: float, vari
 def start(pose: np.ndarray, settings: np.ndarray, state: np.ndarray, cov: np.ndarray) -> None:
     """state (24,) and cov (23, 23), in place, at rest at a pose (7,)."""
     state[:] = 0.0
-    state[P:P + 3], state[Q:Q + 4] = pose[:3], pose[3:]
+    put(state[P:], pose[:3])
+    put(state[Q:], pose[3:])
     state[SLOPE] = settings[SLOPE_MEAN]
     cov[:] = 0.0
     sd = np.zeros(ERROR)
-    sd[_P:_P + 3] = settings[START_POSITION_SD]
-    sd[_V:_V + 3] = settings[START_VELOCITY_SD]
-    sd[_T:_T + 3] = settings[START_TILT_SD]
-    sd[_BA:_BA + 2], sd[_BA + 2] = settings[ACC_BIAS_SD], settings[ACC_BIAS_Z_SD]
-    sd[_BG:_BG + 3] = settings[GYRO_BIAS_SD]
-    sd[_M:_M + 3] = settings[MOUNT_SD]
+    for k in range(3):
+        sd[_P + k], sd[_V + k] = settings[START_POSITION_SD], settings[START_VELOCITY_SD]
+        sd[_T + k], sd[_M + k] = settings[START_TILT_SD], settings[MOUNT_SD]
+        sd[_BA + k], sd[_BG + k] = settings[ACC_BIAS_Z_SD if k == 2 else ACC_BIAS_SD], settings[GYRO_BIAS_SD]
     sd[_S] = settings[SLOPE_SD]
-    sd[_A:_A + 2] = settings[AIR_SD]
+    sd[_A] = sd[_A + 1] = settings[AIR_SD]
     sd[_L], sd[_W] = settings[LATE_SD], settings[WANDER_SD]
     for k in range(ERROR):
         cov[k, k] = sd[k] ** 2 + 1e-14
@@ -195,7 +195,7 @@ def _stated(c: np.ndarray, on: float, v: np.ndarray, moves: np.ndarray, out: np.
     for k in range(3):
         for j in range(ERROR):
             seen[k, j] = c[_P + k, j] + on * c[_V + k, j] + moves * v[k] * (c[_L, j] + c[_W, j])
-    out[:] = c[:9, :9]
+    put_matrix(out, c[:9, :9])
     for k in range(3):
         for j in range(3):
             out[k, j] = seen[k, _P + j] + on * seen[k, _V + j] + moves * v[j] * (seen[k, _L] + seen[k, _W])
@@ -244,8 +244,8 @@ def run(stamps_s: np.ndarray, time_s: np.ndarray, acc: np.ndarray, gyro: np.ndar
                 state[V + k] += dt * a
                 sums[i, k] = sums[i - 1, k] + dt * sums[i - 1, 3 + k] + 0.5 * dt * dt * a
                 sums[i, 3 + k] = sums[i - 1, 3 + k] + dt * a
-            state[Q:Q + 4] = turned(q, dt * w[0], dt * w[1], dt * w[2])
-            turns[i] = turned(turns[i - 1], dt * w[0], dt * w[1], dt * w[2])
+            put(state[Q:], turned(q, dt * w[0], dt * w[1], dt * w[2]))
+            put(turns[i], turned(turns[i - 1], dt * w[0], dt * w[1], dt * w[2]))
             state[BA + 2] += dt * state[SLOPE]
             air = np.exp(-dt / settings[AIR_S])
             wander = np.exp(-dt / settings[WANDER_S])
@@ -273,9 +273,10 @@ def run(stamps_s: np.ndarray, time_s: np.ndarray, acc: np.ndarray, gyro: np.ndar
                 cov[_A + k, _A + k] += settings[AIR_SD] ** 2 * (1.0 - air * air)
             cov[_W, _W] += settings[WANDER_SD] ** 2 * (1.0 - wander * wander)
         elif i > 0:
-            sums[i], turns[i] = sums[i - 1], turns[i - 1]
+            put(sums[i], sums[i - 1])
+            put(turns[i], turns[i - 1])
         else:
-            sums[i], turns[i] = 0.0, np.array([0.0, 0.0, 0.0, 1.0])
+            sums[i], turns[i], turns[i, 3] = 0.0, 0.0, 1.0
         x[:] = 0.0
         nis, count = 0.0, 0
         rot = rotation(state[Q:Q + 4])
@@ -367,7 +368,7 @@ def run(stamps_s: np.ndarray, time_s: np.ndarray, acc: np.ndarray, gyro: np.ndar
             state[BA + k] += x[_BA + k]
             state[BG + k] += x[_BG + k]
             state[MOUNT + k] += x[_M + k]
-        state[Q:Q + 4] = turned(state[Q:Q + 4], x[_T], x[_T + 1], x[_T + 2])
+        put(state[Q:], turned(state[Q:Q + 4], x[_T], x[_T + 1], x[_T + 2]))
         state[SLOPE] += x[_S]
         state[AIR] += x[_A]
         state[AIR + 1] += x[_A + 1]
@@ -377,7 +378,7 @@ def run(stamps_s: np.ndarray, time_s: np.ndarray, acc: np.ndarray, gyro: np.ndar
         for k in range(3):
             out[i, k] = state[P + k] + on * state[V + k]
             out[i, 3 + k] = state[V + k]
-        out[i, 6:10] = state[Q:Q + 4]
+        put(out[i][6:], state[Q:Q + 4])
         out[i, 10] = nis if count else np.nan
         if len(sds):
             _stated(cov, on, state[V:V + 3], settings[LATE_MOVES], sds[i])

@@ -17,6 +17,7 @@ import numpy as np
 from nanobench_tools.flight import Flight
 from nanobench_tools.methods import Estimate
 from nanobench_tools.settings import setting
+from nanobench_tools.slices import put, put_matrix
 from nanobench_tools.units import GRAVITY_M_S2
 
 from . import inertial_core as core
@@ -65,8 +66,22 @@ def _skew(v: np.ndarray) -> np.ndarray:
 def _jacobian(angle: np.ndarray) -> np.ndarray:
     """Left Jacobian of SO(3), to the second order in the rotation vector ``angle``."""
     k = _skew(angle)
-    found: np.ndarray = np.eye(3) + 0.5 * k + k @ k / 6.0
+    found = np.empty((3, 3))
+    square = angle[0] * angle[0] + angle[1] * angle[1] + angle[2] * angle[2]
+    for i in range(3):
+        for j in range(3):
+            on = 1.0 - square / 6.0 if i == j else 0.0
+            found[i, j] = on + 0.5 * k[i, j] + angle[i] * angle[j] / 6.0
     return found
+
+
+@nb.njit(cache=True)
+def _times(matrix: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """matrix (3, 3) times v (3,); for so few numbers a call of the library of linear algebra takes longer."""
+    out = np.empty(3)
+    for k in range(3):
+        out[k] = matrix[k, 0] * v[0] + matrix[k, 1] * v[1] + matrix[k, 2] * v[2]
+    return out
 
 
 @nb.njit(cache=True)
@@ -141,10 +156,11 @@ def _filter(time_s: np.ndarray, acc: np.ndarray, gyro: np.ndarray, flying: np.nd
         cov[15 + k, 15 + k] = settings[core.MOUNT_SD] ** 2
     # where the first pose is does not depend on how the vehicle is turned there
     place = _skew(p)
-    cov[6:9, 0:3] = place * settings[core.START_TILT_SD] ** 2
-    cov[0:3, 6:9] = cov[6:9, 0:3].T
-    cov[6:9, 6:9] += place @ place.T * settings[core.START_TILT_SD] ** 2
-    g = np.array([0.0, 0.0, -GRAVITY_M_S2])
+    put_matrix(cov[6:9, 0:3], place * settings[core.START_TILT_SD] ** 2)
+    put_matrix(cov[0:3, 6:9], cov[6:9, 0:3].T)
+    for i in range(3):
+        for j in range(3):
+            cov[6 + i, 6 + j] += np.sum(place[i] * place[j]) * settings[core.START_TILT_SD] ** 2
     other, v_rot, p_rot, half_out = np.empty((ERROR, ERROR)), np.empty((3, 3)), np.empty((3, 3)), np.empty((9, 9))
     x, h, ph, gain = np.zeros(ERROR), np.zeros(ERROR), np.empty(ERROR), np.empty(ERROR)
     drag, back_row = settings[core.DRAG], 0
@@ -153,7 +169,8 @@ def _filter(time_s: np.ndarray, acc: np.ndarray, gyro: np.ndarray, flying: np.nd
             dt = time_s[i] - time_s[i - 1]
             f, w = 0.5 * (acc[i] + acc[i - 1]) - ba, 0.5 * (gyro[i] + gyro[i - 1]) - bg
             rot = rotation(turned(q, 0.5 * dt * w[0], 0.5 * dt * w[1], 0.5 * dt * w[2]))
-            a = rot @ f + g
+            a = _times(rot, f)
+            a[2] -= GRAVITY_M_S2
             _crossed(v, rot, v_rot)
             _crossed(p, rot, p_rot)
             _transition(cov, other, dt, rot, v_rot, p_rot)
@@ -182,27 +199,30 @@ def _filter(time_s: np.ndarray, acc: np.ndarray, gyro: np.ndarray, flying: np.nd
             for k in range(3):
                 h[:] = 0.0
                 h[6 + k], h[3 + k] = 1.0, -late
-                h[0:3] = -place[k]
+                put(h, -place[k])
                 nis[i] += _scalar(cov, x, h, now[k] - p[k], settings[core.POSITION_SD] ** 2, ph, gain)
             for k in range(3):
                 h[:] = 0.0
-                h[0:3], h[15 + k] = rot[:, k], 1.0
+                put(h, rot[:, k])
+                h[15 + k] = 1.0
                 sd = settings[core.YAW_SD if k == 2 else (core.PITCH_SD if k == 1 else core.ROLL_PITCH_SD)]
                 _scalar(cov, x, h, off[k] - mount[k], sd ** 2, ph, gain)
         if flying[i] and drag > 0.0:
             for k in range(2):
                 h[:] = 0.0
-                h[3:6] = -drag * rot[:, k]
+                put(h[3:], -drag * rot[:, k])
                 h[12 + k] = 1.0
                 body = rot[0, k] * v[0] + rot[1, k] * v[1] + rot[2, k] * v[2]
                 _scalar(cov, x, h, acc[i, k] - ba[k] + drag * body, settings[core.DRAG_SD] ** 2, ph, gain)
         turn_by = rotation(turned(np.array([0.0, 0.0, 0.0, 1.0]), x[0], x[1], x[2]))
         jacobian = _jacobian(x[0:3])
-        p, v = turn_by @ p + jacobian @ x[6:9], turn_by @ v + jacobian @ x[3:6]
-        back = rot.T @ x[0:3]
+        p, v = _times(turn_by, p) + _times(jacobian, x[6:9]), _times(turn_by, v) + _times(jacobian, x[3:6])
+        back = _times(rot.T, x[0:3])
         q = turned(q, back[0], back[1], back[2])
         bg, ba, mount = bg + x[9:12], ba + x[12:15], mount + x[15:18]
-        ps[i], vs[i], qs[i] = p, v, q
+        put(ps[i], p)
+        put(vs[i], v)
+        put(qs[i], q)
         rot = rotation(q)
         _given_out(cov, half_out, p, v, rot)
         _given_out(half_out, sds[i], p, v, rot)

@@ -12,6 +12,8 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
+from nanobench_tools.slices import put_matrix
+
 UNIT_N = 0.1
 """Thrusts [N] are counted in this."""
 
@@ -107,7 +109,7 @@ def headed(p: np.ndarray, yaw: float, out: np.ndarray) -> None:
     """Turns p (S, S), the terminal weight of a vehicle that looks along x, into that of one that looks along ``yaw``.
     Position and velocity are in the world, everything else in the body."""
     c, s = np.cos(yaw), np.sin(yaw)
-    out[:] = p
+    put_matrix(out, p)
     for first in (0, 3):
         for m in range(out.shape[1]):
             x, y = out[first, m], out[first + 1, m]

@@ -16,6 +16,7 @@ import numpy as np
 
 from nanobench_tools.physics.model import Model
 from nanobench_tools.settings import number, setting
+from nanobench_tools.slices import put
 
 from .casadi_code import Call
 from .prediction_model import DISTURBANCES, STATES, rollout_function
@@ -82,7 +83,7 @@ def _correct(past: np.ndarray, head: int, ages: np.ndarray, share: np.ndarray, p
                     gap[k] = measured[i, k] - (now[k] + part * (old[k] - now[k]))
             else:
                 q = now[6:10] + part * (old[6:10] - now[6:10])
-                gap[6:9] = _between(q, measured[i, 6:10])
+                put(gap[6:], _between(q, measured[i, 6:10]))
         if not new_pose[i]:
             gap[:9] = 0.0
         turn = share[2] * gap[6:9]

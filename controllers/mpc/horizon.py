@@ -114,7 +114,8 @@ def without_jumps(rows: np.ndarray, seconds: np.ndarray) -> None:
             gap = here - before - 0.5 * (seconds[k] - seconds[k - 1]) * (rows[i, k, 3:6] + rows[i, k - 1, 3:6])
             if np.sum(gap * gap) > JUMP_M**2:
                 back += gap
-            rows[i, k, :3] -= back
+            for j in range(3):
+                rows[i, k, j] -= back[j]
             before = here
 
 

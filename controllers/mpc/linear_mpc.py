@@ -13,6 +13,7 @@ import numba as nb
 import numpy as np
 
 from nanobench_tools.errors import UsageError
+from nanobench_tools.slices import put
 
 from .condense import UNIT_N, condensed
 from .dense_qp import Daqp, DenseOsqp, DenseSolver, import_solver
@@ -44,7 +45,8 @@ def error(x: np.ndarray, target: np.ndarray) -> np.ndarray:
     w = aw * bw + ax * bx + ay * by + az * bz
     sign = 2.0 if w >= 0.0 else -2.0
     out = np.empty(16)
-    out[:6], out[9:] = x[:6] - target[:6], x[10:] - target[10:]
+    put(out, x[:6] - target[:6])
+    put(out[9:], x[10:] - target[10:])
     out[6] = sign * (aw * bx - ax * bw - ay * bz + az * by)
     out[7] = sign * (aw * by + ax * bz - ay * bw - az * bx)
     out[8] = sign * (aw * bz - ax * by + ay * bx - az * bw)

@@ -22,6 +22,7 @@ from nanobench_tools.firmware.guard import REST_BATTERY_V, Guard
 from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.physics.model import Model
 from nanobench_tools.settings import number, setting
+from nanobench_tools.slices import put
 
 from ..gains import Gain, around, whole
 from .casadi_code import Call, SolverFailure
@@ -111,8 +112,10 @@ def _judged(place: np.ndarray, speed: np.ndarray, attitude: np.ndarray, rate: np
     """
     stale = started = 0
     for n in range(place.shape[0]):
-        measured[n, :3], measured[n, 3:6] = place[n], speed[n]
-        measured[n, 6:10], measured[n, 10:] = attitude[n], rate[n]
+        put(measured[n], place[n])
+        put(measured[n][3:], speed[n])
+        put(measured[n][6:], attitude[n])
+        put(measured[n][10:], rate[n])
         same = True
         for i in range(7):
             value = measured[n, i if i < 3 else i + 3]

@@ -41,9 +41,9 @@ def _shifted(thrusts: np.ndarray, stages: float) -> np.ndarray:
 @nb.njit(cache=True)
 def _now(thrusts: np.ndarray, stages: np.ndarray, limits: np.ndarray, out: np.ndarray) -> None:
     for n in range(out.shape[0]):
-        out[n] = thrusts[n, 0] if stages[n] == 0.0 else _shifted(thrusts[n], stages[n])[0]
+        first = thrusts[n, 0] if stages[n] == 0.0 else _shifted(thrusts[n], stages[n])[0]
         for i in range(4):
-            out[n, i] = min(max(out[n, i], limits[0, n, i]), limits[1, n, i])
+            out[n, i] = min(max(first[i], limits[0, n, i]), limits[1, n, i])
 
 
 @nb.njit(cache=True)

@@ -98,6 +98,7 @@ class Onboard:
         self._milliseconds = round(1000.0 * plant.step_s)
         self._noise = Noise(rngs, sensing.noise, n, 6)
         self._rate = np.ascontiguousarray(plant.state[RATE].T)
+        self._felt = np.empty((2, n, 3), np.float32)
         self._begin(plant.state[:13].T if belief is None else belief)
 
     def _begin(self, belief: np.ndarray) -> None:
@@ -129,8 +130,11 @@ class Onboard:
         self._ring[newest] = plant.state[:10]
         gravity = plant.model.vehicle.gravity_m_s2
         noise = self._noise.next()
-        _feel(plant.state, plant.before_m_s, plant.motor, plant.step_s, gravity, noise, IMU_SIGMA, self._run["acc_g"],
-              self._run["gyro_deg_s"], self._rate)
+        # contiguous arrays alone: one version of the function is compiled
+        state, before, motor = map(np.ascontiguousarray, (plant.state, plant.before_m_s, plant.motor))
+        _feel(state, before, motor, plant.step_s, gravity, noise, IMU_SIGMA, self._felt[0], self._felt[1],
+              self._rate)
+        self._run["acc_g"], self._run["gyro_deg_s"] = self._felt
         lost = any(start <= plant.time_s < end for start, end in self.sensing.outages)
         if self._count % self._every == 0 and not lost:
             self._send(self._ring[(newest - self._lags) % len(self._ring), :, self._lane], noise[:, 2::-1])

@@ -20,6 +20,7 @@ from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
 from nanobench_tools.methods import Estimate
 from nanobench_tools.settings import count, number
+from nanobench_tools.slices import put
 
 from ..drag_ekf import TUNED
 from ..imu_noise import ImuNoise
@@ -269,7 +270,8 @@ def between(time_s: np.ndarray, values: np.ndarray, start_s: float, end_s: float
     before_s, before = start_s, _at(time_s, values, start_s)
     for i in range(a, b + 1):
         after_s, after = (time_s[i], values[i]) if i < b else (end_s, _at(time_s, values, end_s))
-        steps[i - a], middle[i - a] = after_s - before_s, 0.5 * (before + after)
+        steps[i - a] = after_s - before_s
+        put(middle[i - a], 0.5 * (before + after))
         before_s, before = after_s, after
     return steps, middle
 

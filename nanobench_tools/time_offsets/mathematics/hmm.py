@@ -127,8 +127,8 @@ def log_evidence(log_likelihood: np.ndarray, log_transition: np.ndarray, up: int
     _normalised(log_likelihood[0], alpha)
     total = _log_sum(log_likelihood[0]) - math.log(m)
     for i in range(1, n):
-        before[:] = alpha
-        alpha[:] = 0.0
+        for j in range(m):
+            before[j], alpha[j] = alpha[j], 0.0
         top = log_transition[i].max()
         for c in range(width):
             step = math.exp(log_transition[i, c] - top)
