@@ -11,7 +11,8 @@ import click
 
 from ..errors import UsageError
 from ..results.result import to_json
-from ..steps.motor_fits import FittedNumber, check_mass, check_packages, fitted_numbers, motors_sentence, study_motors
+from ..steps.diagnosing import check_installed
+from ..steps.motor_fits import FittedNumber, check_mass, fitted_numbers, motors_sentence, study_motors
 from ..steps.options import Options, one_line
 from ..steps.show import data_word, say_reasons
 from ..tables.result_table import Table as Grid
@@ -48,7 +49,7 @@ def motors(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
     if train:
         no_paths_beside(options, "--train")
     check_mass(mass_kg)
-    check_packages()
+    check_installed()
     flights = options.load([*train, *test] if train else None)
     inside = [not train or any(Path(f.provenance.path).is_relative_to(place) for place in train) for f in flights]
     mine = [f for f, known in zip(flights, inside, strict=True) if known]

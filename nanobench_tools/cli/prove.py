@@ -10,8 +10,8 @@ import click
 
 from ..errors import InputError, UsageError
 from ..results.result import to_json
-from ..steps.blind_proofs import blind_proof, check_installed, proof_sentence
-from ..steps.diagnosing import ENGINES, engine_of_flights
+from ..steps.blind_proofs import blind_proof, proof_sentence
+from ..steps.diagnosing import ENGINES, check_installed, engine_of_flights
 from ..steps.options import Options, one_line
 from ..steps.show import data_word
 from ..tables.result_table import Table as Grid

@@ -7,17 +7,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ..errors import InputError, MissingExtraError
-from .diagnosing import ENGINES, engine_of_flights
+from .diagnosing import ENGINES, check_installed, engine_of_flights
 from .options import Options
 
 if TYPE_CHECKING:
     from identification.prove.blind_proof import Proof
-
-
-def check_installed() -> None:
-    """MissingExtraError without the packages that a diagnosis needs."""
-    if importlib.util.find_spec("casadi") is None:
-        raise MissingExtraError("casadi", "identification")
 
 
 def blind_proof(options: Options, n: int, kinds: Sequence[str], engine: str, diagnosed_by: str = ENGINES[0]) -> Proof:

@@ -49,7 +49,7 @@ class Looked:
 
 
 def check_installed() -> None:
-    """MissingExtraError where what every diagnosis needs is not installed."""
+    """MissingExtraError where CasADi, which fits of models need, is not installed."""
     if importlib.util.find_spec("casadi") is None:
         raise MissingExtraError("casadi", "identification")
 

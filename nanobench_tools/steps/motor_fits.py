@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..errors import MissingExtraError, UsageError
+from ..errors import UsageError
 from ..physics.vehicle import BOUNDS
+from .diagnosing import check_installed
 from .options import Options
 
 if TYPE_CHECKING:
@@ -35,12 +35,6 @@ def check_mass(mass_kg: float | None) -> None:
         raise UsageError(f"--mass {mass_kg:g} kg is outside {low:g} to {high:g} kg; is it in grams?")
 
 
-def check_packages() -> None:
-    """MissingExtraError where CasADi is not installed."""
-    if importlib.util.find_spec("casadi") is None:
-        raise MissingExtraError("casadi", "identification")
-
-
 def study_motors(options: Options, train: Sequence[Flight], test: Sequence[Flight] | None,
                  mass_kg: float | None) -> tuple[Study, MotorResult]:
     """Fits to ``train``, judged on ``test``; None: whole flights of ``train`` are held out in turn.
@@ -49,7 +43,7 @@ def study_motors(options: Options, train: Sequence[Flight], test: Sequence[Fligh
     flights hold too little.
     """
     check_mass(mass_kg)
-    check_packages()
+    check_installed()
     from identification.motors import identify
     from identification.motors.motor_result import motor_result
 

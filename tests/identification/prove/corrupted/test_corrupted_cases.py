@@ -217,7 +217,12 @@ def test_a_real_vehicle_from_files_to_scores(real_data, own_cache):
     (["--corrupted", "--kind", "null"], "goes with none of"),
     (["--corrupted", "no_such_folder"], "is no folder"),
     (["--corrupted", ".", "--vehicle", "airliner"], "airliner is unknown"),
-    (["--corrupted", ".", "--engine", "rulez"], "--engine rulez is unknown")])
+    (["--corrupted", ".", "--engine", "rulez"], "--engine rulez is unknown"),
+    (["--case", "omnisim_thrust"], "belongs to --shipped"),
+    (["--shipped", "--corrupted"], "goes with none of"),
+    (["--shipped", "no_such_folder"], "--shipped no_such_folder: is no folder"),
+    (["--shipped", ".", "--case", "airliner"], "airliner is unknown"),
+    (["--shipped", ".", "--case", "omnisim_thrust"], "has no recordings")])
 def test_a_wrong_word_is_one_line(words, error, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["prove", *words]) == 2

@@ -18,7 +18,6 @@ from identification.prove.corrupted.nominal import as_json
 from identification.prove.shipped import ShippedCase, ShippedJudge, ShippedProof, prove_shipped, shipped_cases
 from identification.prove.shipped.shipped_cases import ANOTHER, EFFECT, GEOMETRY, NOT_ASKED, changed
 from identification.prove.shipped.shipped_score import REFUSED, ShippedAnswer, score_shipped
-from nanobench_tools.cli.main import main
 from nanobench_tools.cli.prove_shipped import HEADS, row
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.flight import Flight, Provenance
@@ -211,17 +210,3 @@ def test_a_real_case_from_files_to_its_score(real_data):
 def test_absent_recordings_are_reported(real_data, tmp_path):
     judge = ShippedJudge(engine_of("posterior"), [tmp_path])
     assert judge.result(shipped_cases(["omnisim_thrust"])[0]).reason.startswith("no recordings in crazyflie_usd")
-
-
-@pytest.mark.parametrize(("words", "error"), [
-    (["--case", "omnisim_thrust"], "belongs to --shipped"),
-    (["--shipped", "--corrupted"], "goes with none of"),
-    (["--shipped", "no_such_folder"], "--shipped no_such_folder: is no folder"),
-    (["--shipped", ".", "--case", "airliner"], "airliner is unknown"),
-    (["--shipped", ".", "--case", "omnisim_thrust"], "has no recordings")])
-def test_a_wrong_word_is_one_line(words, error, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert main(["prove", *words]) == 2
-    said = capsys.readouterr().err
-    assert error in said
-    assert "Traceback" not in said
