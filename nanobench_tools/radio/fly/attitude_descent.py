@@ -21,9 +21,9 @@ from .pose_tracker import Believed
 from .safety_handover import EVERY_S, _try
 
 SINK_M_S = 0.4
-BRAKE_S, BRAKE_1_S = 1.5, 1.5
+BRAKE_S, BRAKE_1_S = 1.5, 2.5
 """Time after which the attitude is level, as the speed is no longer known well; and deceleration per speed."""
-TILT_DEG = 15.0
+TILT_DEG = 20.0
 LIFT_1_S = 2.0
 """Vertical acceleration per error of the sink rate."""
 LEAST_SHARE, MOST_SHARE, LOW_SHARE, BLIND_SHARE = 0.85, 1.1, 0.9, 0.97

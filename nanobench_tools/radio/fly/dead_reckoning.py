@@ -7,8 +7,10 @@ thrust of hover are averaged while poses come.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,13 +36,28 @@ BIAS_S, HOVER_S = 2.0, 1.0
 """Time constants of the averages of bias and hover thrust."""
 LEAST_G = 0.5
 """Specific force below which thrust and acceleration are not compared."""
-NEAR_M, PER_M_S, PER_S2 = 0.3, 0.1, 0.5
-"""Tolerance between this and the vehicle's estimate: a constant part for noise; one for the age of the log, per speed.
-The last part grows with the square of the time since the last pose (an accelerometer of 0.1 g bias)."""
-NEAR_M_S, PER_S = 0.5, 1.0
-"""The same of velocities: a part for noise and the age of the log, and the growth by that bias."""
-NEAR_DEG = 15.0
+NEAR_M, PER_M_S, PER_S2 = np.array([0.3, 0.3]), 0.1, np.array([0.5, 0.05])
+"""Tolerance between this and the vehicle's estimate, over the ground and in height. One part is constant, for noise. One
+is for the age of the log, per speed. The last part grows with the square of the time since the last pose. In height it
+is small: the planner stops the motors where the estimate shows the ground."""
+NEAR_M_S, PER_S = np.array([0.5, 0.3]), np.array([1.0, 0.1])
+"""The same of velocities."""
+PAST = 500
+"""Ticks that are kept, to compute the motion again without poses that turned out to be false."""
+NEAR_DEG = 12.0
 """The same of attitudes: the log is 50 ms old, and a vehicle turns by 2 rad/s."""
+
+
+class _Moment(NamedTuple):
+    """State at the beginning of a tick, and the IMU in it."""
+
+    time_s: float
+    position_m: np.ndarray
+    velocity_m_s: np.ndarray
+    quaternion: np.ndarray
+    bias_m_s2: np.ndarray
+    acc: np.ndarray | None
+    gyro: np.ndarray | None
 
 
 @dataclass
@@ -48,7 +65,7 @@ class DeadReckoning:
     """``position_m``, ``velocity_m_s`` (3,) world and ``quaternion`` (4,) at ``time_s``; ``blind_s``: time since the
     last pose; ``ground_m``: height of a vehicle on the ground; ``delay_s``: of the link; ``hover_counts``: thrust of
     hover, nan if unknown; ``turn`` (4,): rotation from the vehicle's attitude to this one, in the world; ``fault``: why
-    the vehicle's estimate is not trusted, in words."""
+    the vehicle's estimate is not trusted, in words; ``excess``: its deviation, in units of the tolerance."""
 
     time_s: float = float("nan")
     position_m: np.ndarray = field(default_factory=lambda: np.zeros(3))
@@ -61,15 +78,18 @@ class DeadReckoning:
     hover_counts: float = float("nan")
     turn: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 0.0, 1.0]))
     fault: str = ""
+    excess: float = 0.0
     _bias_m_s2: np.ndarray = field(default_factory=lambda: np.zeros(3))
     _hovers: int = 0
     _pose_s: float = -np.inf
     _compared_s: float = -np.inf
+    _past: deque[_Moment] = field(default_factory=lambda: deque(maxlen=PAST))
 
     def update(self, now_s: float, believed: Believed | None, values: Mapping[str, float],
                logged_s: Mapping[str, float]) -> None:
         """One tick. ``believed``: from poses that are believed, of any age; ``values``, ``logged_s``: of the link."""
         step = now_s - self.time_s
+        before = self.time_s, self.position_m, self.velocity_m_s, self.quaternion, self._bias_m_s2
         self.imu_s = now_s - min(logged_s.get(name, -np.inf) for name in IMU)
         acc = gyro = None
         if self.imu_s < FRESH_S:
@@ -82,6 +102,22 @@ class DeadReckoning:
         elif np.isfinite(self.time_s):
             self._integrate(now_s, acc, gyro, step)
         self._compare(now_s, values, logged_s)
+        if np.isfinite(before[0]):
+            self._past.append(_Moment(*before, acc, gyro))
+
+    def rewind(self, seconds: float) -> None:
+        """Forget the poses of the last ``seconds``, which turned out to be false: the state from before them, and the
+        IMU since then."""
+        past = [moment for moment in self._past if moment.time_s >= self.time_s - seconds]
+        if not past:
+            return
+        now_s, first = self.time_s, past[0]
+        self.time_s, self.position_m, self.velocity_m_s = first.time_s, first.position_m, first.velocity_m_s
+        self.quaternion, self._bias_m_s2, self.blind_s = first.quaternion, first.bias_m_s2, 0.0
+        for earlier, moment in zip(past, [*past[1:], None], strict=True):
+            until = now_s if moment is None else moment.time_s
+            self._integrate(until, earlier.acc, earlier.gyro, until - earlier.time_s)
+        self._compared_s = -np.inf
 
     def _set(self, now_s: float, believed: Believed, acc: np.ndarray | None, step: float) -> None:
         late_s = self.delay_s + AGE_S
@@ -120,20 +156,27 @@ class DeadReckoning:
         came_s = min(logged_s.get(name, -np.inf) for name in (*PLACE, *SPEED, *TURN))
         if came_s <= self._compared_s or now_s - came_s > FRESH_S or not np.isfinite(self.time_s):
             return
-        self._compared_s, self.fault = came_s, ""
+        self._compared_s, self.fault, self.excess = came_s, "", 0.0
         own = np.array([values[name] for name in TURN])
         if not np.isfinite(own).all() or np.linalg.norm(own) < 0.5:
-            self.fault = "the vehicle's attitude is not a number"
+            self.fault, self.excess = "the vehicle's attitude is not a number", np.inf
             return
         own /= np.linalg.norm(own)
         self.turn = so3.multiply(self.quaternion, so3.conjugate(own))
-        apart = float(np.linalg.norm(np.array([values[name] for name in PLACE]) - self.position_m))
+        off = np.array([values[name] for name in PLACE]) - self.position_m
+        faster = np.array([values[name] for name in SPEED]) - self.velocity_m_s
         turned = float(np.degrees(so3.geodesic_angle(own, self.quaternion)))
-        speed = float(np.linalg.norm(self.velocity_m_s))
-        faster = float(np.linalg.norm(np.array([values[name] for name in SPEED]) - self.velocity_m_s))
-        if not apart < NEAR_M + PER_M_S * speed + PER_S2 * self.blind_s**2:
-            self.fault = f"the vehicle's estimate is {apart:.2f} m from where its IMU shows it"
-        elif not faster < NEAR_M_S + PER_S * self.blind_s:
-            self.fault = f"the vehicle's velocity is {faster:.2f} m/s from what its IMU shows"
-        elif turned > NEAR_DEG:
-            self.fault = f"the vehicle's attitude is {turned:.0f} deg from what its gyro shows"
+        speed, blind = float(np.linalg.norm(self.velocity_m_s)), self.blind_s
+        found = ((_parts(off) / (NEAR_M + PER_M_S * speed + PER_S2 * blind**2),
+                  f"the vehicle's estimate is {np.linalg.norm(off):.2f} m from where its IMU shows it"),
+                 (_parts(faster) / (NEAR_M_S + PER_S * blind),
+                  f"the vehicle's velocity is {np.linalg.norm(faster):.2f} m/s from what its IMU shows"),
+                 (np.array([turned / NEAR_DEG]),
+                  f"the vehicle's attitude is {turned:.0f} deg from what its gyro shows"))
+        self.excess, words = max((float(np.nan_to_num(ratios, nan=np.inf).max()), text) for ratios, text in found)
+        self.fault = words if self.excess > 1.0 else ""
+
+
+def _parts(vector: np.ndarray) -> np.ndarray:
+    """Size over the ground and in height (2,) of a vector (3,)."""
+    return np.array([np.hypot(vector[0], vector[1]), abs(vector[2])])

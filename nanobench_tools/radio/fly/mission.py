@@ -37,6 +37,12 @@ GROUND_M = 0.03
 STILL_S, WRITTEN_S = 4.0, 0.2
 """Maximum wait for motors that do not turn; and for the recording's writer, if the program ends at once."""
 ECHO_S, RECENT_TRIPS = 0.1, 5
+FALSE_S = 3.0
+"""Poses that contradict the IMU may have been false for so long before it is found."""
+PLAIN = 1.3
+"""Deviation of the vehicle's estimate that ends a flight whose poses are missing, in units of the tolerance."""
+TOUCHED_M = 0.15
+"""Below this height above the ground the IMU shows the touchdown, and the estimate is not compared."""
 MISSING_S = 0.1
 """Poses are missing after so long."""
 STOP_S, STOP_AGAIN_S = 5.0, 0.02
@@ -178,7 +184,7 @@ class Flight:
         now.supervisor = int(link.values.get("supervisor.info", 0))
         now.silent_s, now.lost = host - link.heard_s, link.lost
         now.health_age_s = health_age_s(link, host)
-        now.estimate_fault = self._reckon(host, believed)
+        now.estimate_fault = self._lost_estimate(self._reckon(host, believed))
         now.astray_m = float(np.linalg.norm(astray(link, believed, host)))
         now.pose_fault = self._gate.why or now.pose_fault or self._physics.check(believed, link.values, link.logged_s,
                                                                                  host)
@@ -195,6 +201,10 @@ class Flight:
         doubted = self._unbelieved or bool(self._gate.why)
         self._reckoning.update(host_s, None if doubted else believed, self.link.values, self.link.logged_s)
         return self._reckoning.fault if self._reckoning.blind_s > MISSING_S else ""
+
+    def _lost_estimate(self, fault: str) -> str:
+        """A reason to end a flight, for which a short gap of the poses and an old log are not enough."""
+        return fault if self._reckoning.excess > PLAIN else ""
 
     def _request_echo(self) -> None:
         """Keeps the link's round trips coming."""
@@ -306,6 +316,9 @@ class Flight:
         if stop.rule == safety.PosesDisagree.name:
             self._feed(False)  # the vehicle goes on by its IMU
             self._unbelieved = True
+            if not self._gate.why:  # it took time to find out, and the vehicle's filter had them
+                self._reckoning.rewind(FALSE_S)
+                self._reckon(self.clock.now(), None)
         place = place_to_hold(now.position_m, now.velocity_m_s, self.limits.fence, self.ground_m)
         yaw = 0.0 if self._believed is None else self._believed.yaw_rad
         brief = now.pose_age_s > self.limits.stale_s or stop.rule in (safety.Sinks.name, safety.PosesDisagree.name)
@@ -319,18 +332,18 @@ class Flight:
         """To the ground by ``way``. If the vehicle turns out not to know where it is, by attitude and thrust."""
         self._watches_estimate = True
         try:
-            self._check_estimate(self._now.estimate_fault)
+            self._check_estimate(self._reckoning.fault if self._seen() is None else "")
             self._by_setpoints(way())
             self._watches_estimate = False
         except EstimateLostError as lost:
             self._watches_estimate = False
             self._note(f"{lost}: taken down by attitude and thrust")
-            descend(self.link, self.clock, self._reckoning, self.ground_m, self._seen, self._idle,
-                    brakes=not self._unbelieved or bool(self._gate.why))
+            descend(self.link, self.clock, self._reckoning, self.ground_m, self._seen, self._idle)
             self._unbelieved = True  # motors off, even if poses come again
 
     def _check_estimate(self, fault: str) -> None:
-        if fault and self._watches_estimate and np.isfinite(self._reckoning.hover_counts):
+        high = self._reckoning.position_m[2] > self.ground_m + TOUCHED_M
+        if fault and high and self._watches_estimate and np.isfinite(self._reckoning.hover_counts):
             raise EstimateLostError(fault)
 
     def _drop(self, stop: Stop) -> Stop:
