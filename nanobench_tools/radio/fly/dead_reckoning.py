@@ -37,8 +37,8 @@ BIAS_S, HOVER_S = 2.0, 1.0
 LEAST_G = 0.5
 """Specific force below which thrust and acceleration are not compared."""
 NEAR_M, PER_M_S, PER_S2 = np.array([0.3, 0.3]), 0.1, np.array([0.5, 0.05])
-"""Tolerance between this and the vehicle's estimate, over the ground and in height. One part is constant, for noise. One
-is for the age of the log, per speed. The last part grows with the square of the time since the last pose. In height it
+"""Tolerance between this and the vehicle's estimate, over the ground and in height. One part is for noise. Another
+is for the age of the log, per speed. The last grows with the square of the time since the last pose. In height it
 is small: the planner stops the motors where the estimate shows the ground."""
 NEAR_M_S, PER_S = np.array([0.5, 0.3]), np.array([1.0, 0.1])
 """The same of velocities."""
