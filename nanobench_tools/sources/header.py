@@ -127,12 +127,16 @@ def _fits(row: str, header: Header) -> bool:
 
 
 def _units(row: str, header: Header) -> tuple[str, ...]:
-    """The units of a row that holds nothing else, one for each name."""
+    """Units of a row of units, one for each name. An unknown unit is kept as written, and the draft of a map asks for
+    it."""
     cells = [c.strip("[](){} ") for c in split_line(_MARK.sub("", row), header.dialect.delimiter)]
     if len(cells) != len(header.names) or not any(cells):
         return ()
-    known = [unit_as_written(c) if c not in ("", "-") else "" for c in cells]
-    return tuple(k or "" for k in known) if all(k is not None for k in known) else ()
+    written = [c for c in cells if c not in ("", "-")]
+    known = sum(unit_as_written(c) is not None for c in written)
+    if 2 * known <= len(written) or any(is_number(c) and c != "1" for c in written):
+        return ()
+    return tuple("" if c == "-" else unit_as_written(c) or c for c in cells)
 
 
 def header_of(head: bytes) -> tuple[list[str], Dialect]:

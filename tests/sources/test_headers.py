@@ -34,6 +34,12 @@ def test_a_row_of_units():
     assert grid.lines.tolist() == [3, 4]
 
 
+def test_an_unknown_unit_does_not_hide_the_others():
+    grid = read_grid(b"t,x,y,b\ns,mm,ft,m/s\n" + b"0.0,1.0,2.0,3.0\n0.1,1.5,2.5,3.5\n", "table.csv")
+    assert grid.units == {"t": "s", "x": "mm", "y": "ft", "b": "m/s"}
+    assert read_grid(b"t,x,y\nstart,m,up\n" + ROWS, "table.csv").units == {}
+
+
 def test_a_row_of_text_is_no_row_of_units():
     grid = read_grid(b"t,x,y\n0.0,a,b\n" + ROWS, "table.csv")
     assert grid.units == {}
