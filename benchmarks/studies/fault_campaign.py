@@ -406,8 +406,8 @@ def main() -> None:
         last = flown[-1]
         print(f"{number} {last.fault}, {last.controller}: {'' if last.good else 'FAILED '}outside {last.outside_m:.2f} "
               f"m, drop {last.drop_m:.2f} m; {last.stop or 'flown'}", file=sys.stderr, flush=True)
-    if given.json is not None:
-        given.json.write_text(json.dumps([dataclasses.asdict(f) for f in flown], indent=1))
+        if given.json is not None:
+            given.json.write_text(json.dumps([dataclasses.asdict(f) for f in flown], indent=1))
     print(table(flown))
 
 
