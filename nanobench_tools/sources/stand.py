@@ -11,6 +11,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -107,7 +108,7 @@ class ThrustStand:
     """Source ``stand``."""
 
     name = "stand"
-    version = 2
+    version = 3
 
     def recognises(self, path: Path, head: bytes) -> bool:
         names = header_of(head)[0]
@@ -155,11 +156,17 @@ class ThrustStand:
         ]
         if grid.truncated:
             faults.append(text_fault("truncated", "", (), grid.truncated, (span[1], span[1]), 1.0, "rows"))
+        motors = len(streams["motor"].quantities)
         notes = (*grid.notes, *(() if timed else ("rows have no time in seconds: their numbers replace it",)),
                  "thrust is what the load cell shows, zero offset included, of "
-                 + ("one motor" if len(streams["motor"].quantities) == 1 else "all motors together"))
-        return Flight(path.name, streams, {"family": None, "speed": None, "reference_speed_m_s": None, "kind": "stand"},
-                      Provenance(str(path), "", self.name, findings=tuple(faults), notes=notes))
+                 + ("one motor" if motors == 1 else "all motors together"))
+        metadata: dict[str, Any] = {"family": None, "speed": None, "reference_speed_m_s": None,
+                                    "kind": "stand"}
+        if motors > len(set(streams["motor"].columns)):
+            metadata["read_as"] = [f"column {streams['motor'].columns[0]} commands {motors} motors, and the load cell "
+                                   f"adds up their thrust; a column in % or us commands one"]
+        provenance = Provenance(str(path), "", self.name, findings=tuple(faults), notes=notes)
+        return Flight(path.name, streams, metadata, provenance)
 
 
 def _times(grid: Grid, n: int) -> tuple[np.ndarray, bool]:

@@ -50,6 +50,15 @@ def test_thrust_that_no_propeller_has_at_its_power_and_speed_is_refused(tmp_path
         assert "N per W" in error or "N per motor where propellers with this power and speed give" in error
 
 
+@pytest.mark.parametrize(("command", "motors"), [("pwm", 4), ("pwm_percent", 1)])
+def test_one_command_for_four_motors_is_reported(tmp_path, command, motors):
+    rows = "".join(f"{u},{0.001 * u * u:.3f},4.0\n" for u in range(0, 101, 5))
+    (tmp_path / "a.csv").write_text(f"{command},thrust_g,vbat\n{rows}")
+    (flight,) = load_recordings([tmp_path], cache=False).flights
+    assert len(flight["motor"].quantities) == motors
+    assert ("commands 4 motors" in str(flight.metadata.get("read_as"))) == (motors == 4)
+
+
 def test_a_load_cell_that_counts_down_is_refused(tmp_path):
     rows = [f"{1000 + 20 * i},{12 - 30 * i},{16.4 - 0.02 * i}" for i in range(50)]
     (tmp_path / "a.csv").write_text("ESC signal (us),Thrust (g),Voltage (V)\n" + "\n".join(rows) + "\n")
