@@ -46,13 +46,11 @@ found.plot()
 # mass are left alone:
 
 # %%
-print(nb.diagnose(flights, model).findings[["term", "parameter", "believed", "value", "ci95_low", "ci95_high"]]
-      .round(3).to_string(index=False))
+print(nb.diagnose(flights, model).sentence)
 
 # %% [markdown]
-# The lag of its motors is too long. `nb.fit` took it from a prior, since such flights do not show it well. The
-# simulated vehicle has 0.045 s in both directions. So the finding is right, but its sizes are too small: diagnoses of
-# the lag are uncertain.
+# One mistake of it is known here: `nb.fit` took the lag of the motors, 0.055 s up and 0.119 s down, from a prior. The
+# simulated vehicle has 0.045 s in both directions. Such flights do not show it well, so it is not identified.
 #
 # The flights that fitted the model also judge it here, because the sample is small. With your own data, fit on some
 # flights and diagnose with others. [Reading a diagnosis](../concepts/reading_a_diagnosis.md) explains every line.

@@ -61,6 +61,11 @@ class Background:
         return tuple(dict.fromkeys(g for g in self.group.tolist() if g not in (FIXED, LIFT_OF_ALL)))
 
 
+def fast_part(values: np.ndarray, samples: float) -> np.ndarray:
+    """(n, ...) values without what moves more slowly than so many samples."""
+    return np.asarray(values - gaussian_filter1d(values, samples, axis=0, mode="nearest"))
+
+
 def rms(columns: np.ndarray) -> np.ndarray:
     """(n, 3, ...) -> (...) root mean square of the length."""
     return np.asarray(np.sqrt((columns**2).sum(1).mean(0))) if len(columns) else np.zeros(columns.shape[2:])
@@ -262,9 +267,8 @@ def _logging(found: _Columns, wrench: Wrench, space: Space, effects: Sequence[Ef
         per_s = 1.0 / next(iter(delay.moves.values()))[0]
         found.add(FIXED, DELAY_S * per_s * delay.force[..., :1], DELAY_S * per_s * delay.torque[..., :1])
     thrust = made[:, 2]
-    slow = _by_track(wrench, thrust, lambda x: gaussian_filter1d(x, FAST_S / SAMPLE_S, mode="nearest"))
-    measured = wrench.measured[0][:, 2]
-    followed = measured - _by_track(wrench, measured, lambda x: gaussian_filter1d(x, FAST_S / SAMPLE_S, mode="nearest"))
-    noisy = gain_error(thrust - slow, followed, wrench.flight[wrench.force_at])
-    for share, column in ((max(SHAKE, noisy), thrust - slow), (SHAKE, thrust - thrust.mean())):
+    fast, followed = (_by_track(wrench, x, lambda part: fast_part(part, FAST_S / SAMPLE_S))
+                      for x in (thrust, wrench.measured[0][:, 2]))
+    noisy = gain_error(fast, followed, wrench.flight[wrench.force_at])
+    for share, column in ((max(SHAKE, noisy), fast), (SHAKE, thrust - thrust.mean())):
         found.add(FIXED, share * _along_z(column[:, None]))

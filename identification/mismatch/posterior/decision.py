@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import chi2
 
 from nanobench_tools.physics import Model
 from nanobench_tools.settings import number
@@ -33,6 +34,7 @@ TWINS: dict[str, tuple[str, ...]] = {"com_offset": ("motor_imbalance",), "mass":
 """Terms that differ in gains of torque only, which no flight shows well enough. In roll and pitch, unequal motors act
 like an offset of the centre of mass, and free flight shows only thrust per mass."""
 BEYOND = "its best size lies on a bound of what such a vehicle can have"
+INCLUDES = "the 95 % interval includes the simulator's value"
 SHOWS = 0.3
 """An effect shows along an axis from this share of its strongest one on."""
 
@@ -47,9 +49,9 @@ class Size:
     unit: str
 
     @property
-    def excludes(self) -> bool:
-        """Whether the interval excludes the simulator's value."""
-        return abs(self.value - self.believed) > self.half
+    def share(self) -> float:
+        """Distance from the simulator's value, in half widths of the interval."""
+        return abs(self.value - self.believed) / max(self.half, 1e-30)
 
 
 @dataclass(frozen=True)
@@ -98,8 +100,8 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
     evidence, rejected = case.evidence, dict[str, str]()
     while True:
         weighing = Weighing(case, judge)
-        posterior = weighing.weigh()
-        best = _inside_bounds(weighing, max(posterior, key=lambda s: posterior[s]))
+        best, posterior, unsure = _certain_of_size(weighing)
+        rejected |= unsure
         beyond = {case.effects[i].term for i in best if _on_bound(case, i, weighing.sizes(best))}
         if not beyond:
             break
@@ -135,14 +137,44 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
     return Decision(findings, leaning, rejected, found, _written(case, found) if findings else None, alone)
 
 
+def _certain_of_size(weighing: Weighing) -> tuple[tuple[int, ...], dict[tuple[int, ...], float], dict[str, str]]:
+    """Most probable set whose effects all differ from the simulator, the probabilities, and {term: reason} of others.
+
+    Only predictions favour those others; the residual does not show them. One is left out at a time: two that are
+    alike are both uncertain until one has gone.
+    """
+    case, unsure = weighing.case, dict[str, str]()
+    while True:
+        posterior = weighing.weigh()
+        best = _inside_bounds(weighing, max(posterior, key=lambda s: posterior[s]))
+        found = weighing.sizes(best)
+        least = min(best, key=lambda i: _certainty(case, i, found), default=None)
+        if least is None or _certainty(case, least, found) > 1.0:
+            return best, posterior, unsure
+        term = case.effects[least].term
+        unsure[term] = f"{INCLUDES}: {_shortest(_sizes(case, least, found))}"
+        weighing.without.add(term)
+
+
+def _certainty(case: Case, which: int, found: Refined) -> float:
+    """Distance between the simulator and an effect of a set, relative to the 95 % limit.
+
+    The smaller one counts: that of its best known parameter, or that of the region of all its directions.
+    """
+    ends = np.concatenate([[0], np.cumsum([case.effects[i].width for i in found.chosen])])
+    mine = slice(*ends[found.chosen.index(which):][:2].astype(int))
+    part, covariance = found.step[mine], found.covariance[mine, mine]
+    region = np.sqrt(part @ np.linalg.solve(covariance, part) / chi2.ppf(0.95, len(part)))
+    return float(min(region, max(s.share for s in _sizes(case, which, found).values())))
+
+
 def _standing(weighing: Weighing, chosen: tuple[int, ...], rejected: dict[str, str]) -> Refined:
     """Sizes of the accepted effects of a set. An accepted effect changes the simulator, lies inside its bounds and is
     large compared with the unexplained force. The others are added to ``rejected`` {term: reason}."""
     case, found = weighing.case, weighing.sizes(chosen)
     while found.chosen:
-        sizes = {i: _sizes(case, i, found) for i in found.chosen}
-        said = {i: f"the 95 % interval includes the simulator's value: {_shortest(sizes[i])}" for i in found.chosen
-                if not any(size.excludes for size in sizes[i].values())}
+        said = {i: f"{INCLUDES}: {_shortest(_sizes(case, i, found))}" for i in found.chosen
+                if _certainty(case, i, found) <= 1.0}
         said |= {i: BEYOND for i in found.chosen if i not in said and _on_bound(case, i, found)}
         said = said or _overshadowed(case, found)
         if not said:

@@ -167,8 +167,9 @@ def _far(wrench: Wrench, model: Model, term: str, free: np.ndarray, here: Pair,
          believed: bool) -> list[Effect]:
     """One reading for every size at which the term is tried: the secant from the simulator's value to that size.
 
-    If the simulator has the term already, the secants lead to zero and to its value plus each size. A list of time
-    constants moves together, and so does a factor with the quantity that it multiplies.
+    If the simulator has the term already, the secants lead to zero and to its value plus each size. A factor moves
+    with the quantity that it multiplies. Each time constant is a direction. Thrust that falls more slowly than it rises
+    is too high wherever commands shake. So a wrong ratio of the two shows in the level of the thrust.
     """
     found = []
     asked = [int(i) for i in free if _place(model.names[i]) in STARTS or model.names[i].startswith("saturation.")]
@@ -186,13 +187,24 @@ def _far(wrench: Wrench, model: Model, term: str, free: np.ndarray, here: Pair,
         values[indices] = np.clip(to, model.lower[indices], model.upper[indices])
         if np.allclose(values, model.values, rtol=0.0, atol=1e-9):
             continue
-        force, torque = _less(wrench.model(model, values), here)
-        moves = {model.names[i]: np.array([values[i] - model.values[i]]) for i in indices}
-        room = np.array([(bound[i] - model.values[i]) / moves[model.names[i]][0] for i in indices
-                         for bound in (model.lower, model.upper) if abs(moves[model.names[i]][0]) > 0.0])
-        found.append(Effect(term, force[..., None], torque[..., None], moves, np.zeros(1),
-                            np.array([min([FARTHEST, *room[room > 0.0]])])))
+        each = [[i] for i in indices] if len(asked) > 1 else [indices]
+        far = [_to(wrench, model, values, way, here) for way in each]
+        found.append(Effect(term, *_stacked([pair for pair, _, _ in far]),
+                            {model.names[i]: np.array([change.get(i, 0.0) for _, change, _ in far]) for i in indices},
+                            np.zeros(len(far)), np.array([room for _, _, room in far])))
     return found
+
+
+def _to(wrench: Wrench, model: Model, values: np.ndarray, indices: Sequence[int],
+        here: Pair) -> tuple[Pair, dict[int, float], float]:
+    """The secant from the model's values to others, of some parameters: effect, {parameter: change}, and how many times
+    the change may be made."""
+    there = model.values.copy()
+    there[indices] = values[indices]
+    change = {i: float(there[i] - model.values[i]) for i in indices}
+    room = [(float(bound[i]) - float(model.values[i])) / by for i, by in change.items() if by
+            for bound in (model.lower, model.upper)]
+    return _less(wrench.model(model, there), here), change, min([FARTHEST, *(r for r in room if r > 0.0)])
 
 
 def _limits(wrench: Wrench, model: Model, index: int) -> list[float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +13,9 @@ from nanobench_tools.settings import number
 
 from ..proof import FOLDS, HORIZONS, QUANTITIES, prediction_errors, relative_intervals
 from ..space import MAPS
-from ..track import ROW_S
+from ..track import ROW_S, Track
+from ..wrench import Wrench
+from .background import FAST_S, LEVELS, SAMPLE_S, fast_part
 from .build import Case
 from .sizing import Refined, moved_by, on_map, parts_of, refine
 from .thrust_spread import thrust_spread
@@ -30,7 +32,7 @@ GAINS = (0.3, 2.0)
 JUDGED, BEFORE_TURNING = slice(1, None), slice(1, 2)
 """Horizons that are judged: 0.1 and 0.5 s; and 0.1 s."""
 WITHIN = 2.0
-"""Standard deviations between flights: flights of one session may share as large a tilt."""
+"""Standard deviations between flights: flights of one session may share as large a tilt, lift or trim."""
 SLUGGISH = frozenset(("inertia", "angular_damping", "motor_lag", "command_delay", *MAPS, "saturation"))
 """Terms that can make a vehicle answer its commands less."""
 
@@ -108,16 +110,23 @@ class Predictions:
             offset = _own_offsets(case, found.chosen, step, model)
             for one in left_out:
                 place = numbers.index(one)
-                tracks = [t for t in case.wrench.tracks if t.flight == one]
-                errors[place] = prediction_errors(on_map(case, found.chosen, offset[place]), tracks, [one])[0]
+                own, thrust_gain = offset[place]
+                tracks = [_calmed(t, thrust_gain) for t in case.wrench.tracks if t.flight == one]
+                errors[place] = prediction_errors(on_map(case, found.chosen, own), tracks, [one])[0]
         return errors
 
 
-def _own_offsets(case: Case, chosen: tuple[int, ...], step: np.ndarray, model: Model) -> list[Model]:
-    """The model once for every flight, with that flight's offsets of tilt, thrust and trim.
+def _calmed(track: Track, gain: float) -> Track:
+    """The track with the fast part of its collective command times a gain."""
+    mean = track.motor.mean(axis=1, keepdims=True)
+    return replace(track, motor=np.maximum(track.motor - (1.0 - gain) * fast_part(mean, FAST_S / ROW_S), 0.0))
 
-    It also has the gain of the flight's logged commands, since a noisy command turns a vehicle less than a true one. An
-    effect that only compensates for this gain does not improve the prediction.
+
+def _own_offsets(case: Case, chosen: tuple[int, ...], step: np.ndarray, model: Model) -> list[tuple[Model, float]]:
+    """The model once for every flight, with that flight's offsets of tilt, thrust and trim, and its gain of thrust.
+
+    It also has the gain of the flight's logged commands, since a noisy command turns and lifts
+    a vehicle less than a true one. An effect that only compensates for these gains does not improve the prediction.
     """
     wrench = case.wrench
     force, torque = wrench.residual(model)
@@ -127,18 +136,21 @@ def _own_offsets(case: Case, chosen: tuple[int, ...], step: np.ndarray, model: M
             torque = torque - case.effects[i].torque @ part
     by_force, by_torque = wrench.flight[wrench.force_at], wrench.flight[wrench.torque_at]
     gain = np.array([_gain(wrench.measured[1][by_torque == f], torque[by_torque == f]) for f in case.flights])
+    lifts = [_lift_gain(wrench, force, by_force == f) for f in case.flights]
     pushed = np.array([np.median(force[by_force == f], axis=0) for f in case.flights])
     made = wrench.measured[1] - torque
     turned = np.array([np.median(torque[by_torque == f] + (1.0 - g) * made[by_torque == f], axis=0)
                        if len(torque) else np.zeros(3) for f, g in zip(case.flights, gain, strict=True)])
-    usual = np.array([*[WITHIN * case.evidence.amplitudes.get("tilt", 0.0)] * 2, thrust_spread(model.vehicle)])
-    pushed, turned = _as_sessions_differ(pushed, usual), turned - turned.mean(0)
+    tilt, lift, trim, yaw_trim = (WITHIN * case.evidence.amplitudes.get(level, 0.0) for level in LEVELS)
+    usual = np.array([tilt, tilt, max(lift, thrust_spread(model.vehicle))])
+    trims = np.array([trim, trim, yaw_trim]) / case.arm
+    pushed, turned = _as_sessions_differ(pushed, usual), _as_sessions_differ(turned, trims)
     found = []
     weight = model.vehicle.gravity_m_s2
     values = model.parameters
     mass = model.values_of("mass").get("m", model.vehicle.mass_kg)
     inertia = np.array(model.values_of("inertia").get("inertia_kg_m2", model.vehicle.inertia_kg_m2))
-    for push, turn, mine in zip(pushed, turned, inertia / gain, strict=True):
+    for push, turn, mine, lift_gain in zip(pushed, turned, inertia / gain, lifts, strict=True):
         changes = {"thrust_scale.s": values["thrust_scale.s"] * (1.0 + push[2] / weight)}
         if "frame_tilt.pitch_rad" in values:
             changes |= {"frame_tilt.pitch_rad": values["frame_tilt.pitch_rad"] + push[0] / weight,
@@ -151,8 +163,17 @@ def _own_offsets(case: Case, chosen: tuple[int, ...], step: np.ndarray, model: M
             changes |= {f"inertia.inertia_kg_m2[{k}]": mine[k] for k in range(3)}
         inside = {n: float(np.clip(v, model.lower[model.index(n)], model.upper[model.index(n)]))
                   for n, v in changes.items()}
-        found.append(model.with_parameters(inside))
+        found.append((model.with_parameters(inside), lift_gain))
     return found
+
+
+def _lift_gain(wrench: Wrench, residual: np.ndarray, mine: np.ndarray) -> float:
+    """Gain of the fast thrust of one flight's rows ``mine`` (N,): least squares of the measured on the predicted."""
+    track, measured = wrench.track[wrench.force_at], wrench.measured[0][:, 2]
+    parts = [np.stack([fast_part(x[here], FAST_S / SAMPLE_S) for x in (measured, measured - residual[:, 2])])
+             for one in np.unique(track[mine]) for here in [mine & (track == one)]]
+    followed, made = np.concatenate(parts, axis=1) if parts else np.zeros((2, 0))
+    return float(np.clip((followed @ made) / max(float(made @ made), 1e-9), *GAINS)) if made.any() else 1.0
 
 
 def _as_sessions_differ(offsets: np.ndarray, usual: np.ndarray) -> np.ndarray:

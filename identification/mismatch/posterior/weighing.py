@@ -33,6 +33,8 @@ class Weighing:
     judge: Callable[[Refined, Refined], float]
     told: dict[Chosen, float] = field(default_factory=dict)
     """Of sets that were predicted: log likelihood over no effect."""
+    without: set[str] = field(default_factory=set)
+    """Terms whose sets have no probability."""
     _sizes: dict[Chosen, Refined] = field(default_factory=dict)
 
     def sizes(self, chosen: Chosen) -> Refined:
@@ -71,14 +73,16 @@ class Weighing:
 
     def weigh(self) -> dict[Chosen, float]:
         """Probability of every set."""
-        known, effects = self.case.evidence.sets, self.case.effects
+        effects = self.case.effects
+        known = {chosen: log for chosen, log in self.case.evidence.sets.items()
+                 if not self.without & {effects[i].term for i in chosen}}
         alone = sorted((s for s in known if len(s) == 1), key=lambda s: known[s])
         for chosen in [(), *{effects[s[0]].term: s for s in alone}.values()]:
             self.predict(chosen)
         for _ in range(PREDICTED):
             open_ones = [s for s in known if s not in self.told]
             most = max(open_ones, key=self._at_best, default=None)
-            if most is None or self._at_best(most) < max(map(self.score, self.told)) - REACH:
+            if most is None or self._at_best(most) < max(self.score(s) for s in self.told if s in known) - REACH:
                 break
             self.predict(most)
         log = np.array([self.score(s) for s in known])

@@ -13,8 +13,9 @@ from carried_tracks import MODEL, track_of
 from identification.mismatch.drawings import drawings
 from identification.mismatch.page import page_text
 from identification.mismatch.pictures import pictures
-from identification.mismatch.posterior.decision import decide
+from identification.mismatch.posterior.decision import _sizes, decide
 from identification.mismatch.posterior.posterior_engine import diagnose, verdict_body, weighed
+from identification.mismatch.posterior.sizing import refine
 from identification.mismatch.recordings import Recordings
 from identification.mismatch.space import with_other_map
 from identification.mismatch.wrench import CHANNELS, Wrench
@@ -72,6 +73,19 @@ def test_what_is_turned_down_has_a_reason(too_heavy):
     assert {"thrust_scale", "mass"}.isdisjoint(reasons)
     assert {"wind", "drag_linear", "inertia", "motor_lag"} <= set(reasons)
     assert all(reasons.values())
+
+
+@pytest.mark.slow
+def test_a_lag_that_is_wrong_in_one_direction_is_sized_in_that_direction(flown):
+    """What flies lags by 0.04 s up and down; the simulator falls with 0.12 s."""
+    slow = MODEL.with_parameters({"motor_lag.tau_down_s": 0.12})
+    case, _ = weighed(flown, Wrench(flown.tracks), slow, 0)
+    readings = [i for i, e in enumerate(case.effects) if e.term == "motor_lag"]
+    best = max(readings, key=lambda i: case.evidence.score((i,)))
+    sizes = _sizes(case, best, refine(case, (best,)))
+    for name in ("motor_lag.tau_up_s", "motor_lag.tau_down_s"):
+        assert abs(sizes[name].value - 0.04) < sizes[name].half
+    assert sizes["motor_lag.tau_down_s"].share > 1.0
 
 
 def test_another_number_of_motors_is_refused(flown):

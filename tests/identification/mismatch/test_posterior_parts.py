@@ -20,7 +20,7 @@ from identification.mismatch.posterior.background import FIXED, LIFT_OF_ALL, Bac
 from identification.mismatch.posterior.build import _seen
 from identification.mismatch.posterior.effects import Effect, effects_of, within_reach
 from identification.mismatch.posterior.gain_error import gain_error
-from identification.mismatch.posterior.left_out_flights import _as_sessions_differ
+from identification.mismatch.posterior.left_out_flights import _as_sessions_differ, _calmed, _lift_gain
 from identification.mismatch.posterior.rows import Rows, Seen, _Group, _ridge, instruments, rows_of
 from identification.mismatch.posterior.set_evidence import Evidence
 from identification.mismatch.posterior.thrust_exponent import Curve
@@ -114,6 +114,30 @@ def test_flights_of_one_session_may_share_a_tilt():
     assert found == pytest.approx(np.array([[0.1, -1.1, 0.0], [0.3, -0.9, 0.0]]))
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.5, 1.0])
+def test_noisy_commands_lift_a_vehicle_less(noise):
+    """Noise of variance s^2 on a fast command of variance 1: the regression has a gain of 1 / (1 + s^2)."""
+    rng = np.random.default_rng(0)
+    true, shake = rng.normal(size=(2, 20_000))
+    measured, made = np.zeros((2, 20_000, 3))
+    measured[:, 2], made[:, 2] = true + np.linspace(0.0, 9.0, 20_000), true + noise * shake
+    wrench = SimpleNamespace(track=np.zeros(20_000, int), force_at=np.arange(20_000), measured=(measured, measured))
+    gain = _lift_gain(wrench, measured - made, np.ones(20_000, bool))
+    assert gain == pytest.approx(1.0 / (1.0 + noise**2), abs=0.01)
+
+
+def test_only_the_common_fast_part_of_commands_is_calmed():
+    rng = np.random.default_rng(1)
+    track = wrench_of(MODEL, flights=1, seconds=6.0).tracks[0]
+    slow = np.linspace(0.5, 0.6, len(track))[:, None]
+    differ = 0.01 * rng.normal(size=(len(track), 1)) * [1.0, -1.0, 1.0, -1.0]
+    shaken = replace(track, motor=slow + differ + 0.05 * rng.normal(size=(len(track), 1)))
+    calm = _calmed(shaken, 0.0).motor
+    assert calm - calm.mean(1, keepdims=True) == pytest.approx(differ, abs=1e-12)
+    assert calm.mean(1)[100:-100] == pytest.approx(slow[100:-100, 0], abs=0.02)
+    assert _calmed(shaken, 1.0).motor == pytest.approx(shaken.motor)
+
+
 @pytest.mark.parametrize("flights", [1, 6, 60])
 def test_a_shared_tilt_is_no_more_certain_than_that_of_one_flight(flights):
     case, _, _ = small_case(terms=("wind", "thrust_voltage"))
@@ -196,6 +220,35 @@ def test_an_effect_that_predicts_worse_spoils_every_set_with_it(monkeypatch):
     found = weighed.weigh()
     assert max(found, key=found.get) == ()
     assert weighed.score((0, 1)) == pytest.approx(9.0 + 2.0 - 30.0)
+
+
+def test_an_effect_that_only_predictions_speak_for_gives_way(monkeypatch):
+    """Predictions favour a wind by 30 nats, a drag by 20, but the residual shows no wind: 0.1 +- 0.5 m/s beside 0."""
+    monkeypatch.setattr(weighing, "PREDICTED", 0)
+    sets = {(): 0.0, (0,): -3.0, (1,): -3.0, (0, 1): -6.0}
+    case = SimpleNamespace(evidence=SimpleNamespace(sets=sets, score=sets.__getitem__),
+                           effects=[SimpleNamespace(term=t) for t in ("wind", "drag_linear")])
+    monkeypatch.setattr(weighing.Weighing, "sizes", lambda self, chosen: chosen)
+    monkeypatch.setattr(decision, "_inside_bounds", lambda weighed, best: best)
+    sizes = decision.Size(0.0, 0.1, 0.5, "m/s"), decision.Size(0.0, 0.015, 0.004, "N s/m")
+    monkeypatch.setattr(decision, "_sizes", lambda case, i, found: {"x": sizes[i]})
+    monkeypatch.setattr(decision, "_certainty", lambda case, i, found: sizes[i].share)
+    weighed = weighing.Weighing(case, lambda one, other: {(0,): 30.0, (1,): 20.0}.get(one, 0.0))
+    best, posterior, unsure = decision._certain_of_size(weighed)
+    assert best == (1,)
+    assert set(posterior) == {(), (1,)}
+    assert unsure == {"wind": "the 95 % interval includes the simulator's value: x 0.1 +- 0.5 m/s"}
+
+
+@pytest.mark.parametrize(("part", "certain"), [([2.2, 0.0], False), ([2.6, 0.0], True), ([1.9, 1.9], False)])
+def test_several_directions_have_to_leave_their_common_region(part, certain):
+    """Two independent directions of unit error: the 95 % region ends at 2.45, the root of 5.99; one alone at 1.96."""
+    model = SimpleNamespace(parameters={"a": 0.0, "b": 0.0}, names=("a", "b"), units=("1", "1"))
+    case = SimpleNamespace(effects=[SimpleNamespace(width=2, map_share=False, term="x",
+                                                    moves={"a": np.array([1.0, 0.0]), "b": np.array([0.0, 1.0])})],
+                           space=SimpleNamespace(model=model), simulator=SimpleNamespace(parameters={}))
+    found = SimpleNamespace(chosen=(0,), step=np.array(part), covariance=np.eye(2), model=model)
+    assert (decision._certainty(case, 0, found) > 1.0) == certain
 
 
 def test_a_wrong_trim_is_no_noise_and_no_gain():
@@ -333,6 +386,17 @@ def test_columns_of_both_stand_beside_each_other():
 
 def test_every_group_of_the_discrepancy_has_words():
     assert set(GOES_WITH) == set(set_evidence.MEANS)
+
+
+def test_rising_and_falling_thrust_each_have_their_lag():
+    """Each direction moves one time constant."""
+    model = MODEL.with_parameters({"motor_lag.tau_down_s": 0.08})
+    wrench = wrench_of(MODEL, flights=1, seconds=6.0)
+    found = [e for e in effects_of(wrench, within_reach(wrench, space_around(model)), model) if e.term == "motor_lag"]
+    assert [e.width for e in found] == [2, 2, 2]
+    none = found[0]
+    assert none.moves["motor_lag.tau_up_s"] == pytest.approx([-0.04, 0.0])
+    assert none.moves["motor_lag.tau_down_s"] == pytest.approx([0.0, -0.08])
 
 
 def test_every_effect_that_a_simulator_may_lack_is_asked():
