@@ -36,7 +36,7 @@ GROUND, LANDED = "ground", "landed"
 GROUND_M = 0.03
 STILL_S, WRITTEN_S = 4.0, 0.2
 """Maximum wait for motors that do not turn; and for the recording's writer, if the program ends at once."""
-ECHO_S, RECENT_TRIPS = 0.1, 3
+ECHO_S, RECENT_TRIPS = 0.1, 5
 FALSE_S = 3.0
 """Poses that contradict the IMU may have been false for so long before it is found."""
 PLAIN = 1.3
@@ -321,8 +321,7 @@ class Flight:
                 self._reckon(self.clock.now(), None)
         place = place_to_hold(now.position_m, now.velocity_m_s, self.limits.fence, self.ground_m)
         yaw = 0.0 if self._believed is None else self._believed.yaw_rad
-        brief = now.pose_age_s > self.limits.stale_s or stop.rule in (safety.Sinks.name, safety.PosesDisagree.name,
-                                                                                  safety.ConsoleAlarm.name)
+        brief = now.pose_age_s > self.limits.stale_s or stop.rule in (safety.Sinks.name, safety.PosesDisagree.name)
         own = self._own if stop.rule == safety.Astray.name else None
         self._down(lambda: hand_over(self.link, self.clock, place, yaw, self.ground_m, brief=brief, seen=self._seen,
                                      tick=self._idle, own=own))

@@ -187,7 +187,7 @@ class SlowLink:
     """Round trips are slow for FOR_S: set-points come late, and a landing may be needed while it still works."""
 
     name = "slow link"
-    MOST_S, FOR_S = 0.25, 0.4
+    MOST_S, FOR_S = 0.25, 1.0
 
     def __init__(self) -> None:
         self._time_s = self._slow_s = 0.0
