@@ -105,7 +105,7 @@ class LoneImu:
 def lone_imu(context: Context) -> LoneImu | None:
     """An IMU whose z is not up, in a recording without an attitude or motion capture to compare it with."""
     gravity = context.once(gravity_axis)
-    if gravity is None or (gravity.axis, gravity.sign) == (2, 1) or _estimated_attitude(context) is not None:
+    if gravity is None or (gravity.axis, gravity.sign) == (2, 1) or estimated_attitude(context) is not None:
         return None
     if any(sums_of(context, make) is not None for make in (gyro_pair, force_pair)):
         return None
@@ -169,7 +169,7 @@ def _imu(context: Context) -> StreamTurn | None:
 
 def _imu_by_estimate(context: Context, mean: np.ndarray | None) -> StreamTurn | None:
     """The turn of the IMU without motion capture, by gravity (``mean``, its direction) and the estimated attitude."""
-    imu, estimate = context.once(usable_streams).get("imu"), _estimated_attitude(context)
+    imu, estimate = context.once(usable_streams).get("imu"), estimated_attitude(context)
     if mean is None or imu is None or estimate is None or not all(q in imu for q in IMU[0]):
         return None
     middle, rates = rates_of(estimate)
@@ -196,7 +196,7 @@ def _imu_by_estimate(context: Context, mean: np.ndarray | None) -> StreamTurn | 
     return StreamTurn("imu", IMU, best.T, ", ".join(why))
 
 
-def _estimated_attitude(context: Context) -> Stream | None:
+def estimated_attitude(context: Context) -> Stream | None:
     """The vehicle's estimate of its attitude as quaternions, from whichever form was logged."""
     streams = context.once(usable_streams)
     if "attitude_qw" in streams and all(q in streams["attitude_qw"] for q in ROTATION):

@@ -15,6 +15,7 @@ KINDS = {
     "dead_stream",
     "frozen_stream",
     "gap",
+    "gyro_bias",
     "duplicate_time",
     "coarse_time",
     "no_common_time",
