@@ -29,6 +29,7 @@ KINDS = {
     "sign",
     "axis_swap",
     "spike",
+    "rounded_time",
     "saturated_sensor",
     "mocap_occlusion",
     "mocap_jump",
