@@ -41,7 +41,8 @@ FLYING = 1 << 4
 ECHO_MARK = 1
 """First byte of our echoes; cflib's have 0."""
 
-ALARMS = ("assert", "out of bounds, resetting", "brownout", "i2c bus error", "sensors: fail", "self test [fail]")
+ALARMS = ("assert", "out of bounds, resetting", "brownout", "i2c bus error", "sensors: fail", "self test [fail]",
+          "no setpoint, levelling out")
 """Parts of console lines of firmware 2025.12.1, in lower case, after which a flight should not go on."""
 
 
@@ -57,7 +58,8 @@ LogSink = Callable[[int, float, bytes], None]
 class Link(Protocol):
     """``uri``; ``lost``: why the link is gone, "" while it is up; ``heard_s``: host time of the last packet;
     ``round_trips_s``: the last echoes; ``values``: last value of each logged variable, ``logged_s``: the host time at
-    which it came; ``alarm``: the first console line that reports a failure, "" without."""
+    which it came; ``planner_answers``: command of the high-level commander -> host time and error of its last answer;
+    ``alarm``: the first console line that reports a failure, "" without."""
 
     uri: str
     lost: str
@@ -66,6 +68,7 @@ class Link(Protocol):
     values: Mapping[str, float]
     logged_s: Mapping[str, float]
     alarm: str
+    planner_answers: Mapping[int, tuple[float, int]]
 
     def send_setpoint(self, packet: bytes) -> None: ...
 
@@ -114,6 +117,9 @@ class CflibLink:
         self._cf.fully_connected.add_callback(lambda _: self._complete.set())
         self._cf.add_header_callback(self._on_log, LOG, 2)
         self._cf.add_header_callback(self._on_echo, ECHO, 0)
+        self._answers: dict[int, tuple[float, int]] = {}
+        self.planner_answers: Mapping[int, tuple[float, int]] = self._answers
+        self._cf.add_header_callback(self._on_planner, HIGH_LEVEL, 0)
         self._cf.add_header_callback(self._on_version, PLATFORM, VERSION)
 
     # -- opening
@@ -244,6 +250,11 @@ class CflibLink:
             self.round_trips_s.append(now - requested)
             if self.on_echo is not None:
                 self.on_echo(now, requested)
+
+    def _on_planner(self, packet: Any) -> None:
+        """The firmware answers with the command, and its error in the fourth byte."""
+        if len(packet.data) >= 4:
+            self._answers[packet.data[0]] = (self._clock.now(), packet.data[3])
 
     def _on_console(self, text: str) -> None:
         *lines, self._console = (self._console + text).split("\n")

@@ -16,7 +16,7 @@ from toy_vehicle import Notes, Toy
 
 from nanobench_tools.errors import InputError
 from nanobench_tools.radio import host_clock, packets
-from nanobench_tools.radio.fly import flight_plan, safety_handover, session
+from nanobench_tools.radio.fly import flight_plan, landing_profile, safety_handover, session
 from nanobench_tools.radio.fly.guardian import Guardian
 from nanobench_tools.radio.fly.mission import Flight
 from nanobench_tools.radio.fly.outcome import Outcome
@@ -73,6 +73,8 @@ def quick(patch) -> None:
     for name in ("HOLD_S", "BRIEF_HOLD_S", "SHORTEST_LANDING_S", "AFTER_S"):
         patch.setattr(safety_handover, name, 0.2)
     patch.setattr(safety_handover, "LANDING_M_S", 10.0)
+    for name, value in (("LANDING_M_S", 10.0), ("SHORTEST_LANDING_S", 0.2), ("SETTLES_S", 0.0)):
+        patch.setattr(landing_profile, name, value)
     for name in ("TAKEOFF_S", "SETTLE_S"):
         patch.setattr(flight_plan, name, 0.2)
 

@@ -84,6 +84,7 @@ def test_what_a_flight_can_do_without_does_not_end_it(fault, monkeypatch):
 
 
 @pytest.mark.parametrize(("fault", "rule", "words"), [
+    slow({"up": SETPOINTS}, "console", "No setpoint, levelling out", "set-points"),
     slow({"down": LOG}, "silent log", "battery and supervisor were not heard of for 2.0 s", "log"),
     slow({"up": POSES}, "astray", "m from the poses", "poses"),
     slow({"down": every}, "lost link", "no packet for 0.5", "everything that comes"),
@@ -100,8 +101,7 @@ def test_what_it_cannot_do_without_ends_it_gently_on_the_ground(fault, rule, wor
 
 
 @pytest.mark.parametrize(("fault", "rule"), [
-    slow({"up": SETPOINTS}, "supervisor", "set-points"),
-    slow({"up": every}, "lost link", "everything that is sent"),
+    slow({"up": every}, "console", "everything that is sent"),
     slow({"up": every, "down": every}, "lost link", "link")])
 def test_a_vehicle_that_nothing_reaches_is_left_to_its_watchdog_and_the_reason_is_said(fault, rule, monkeypatch):
     """It levels out after 0.5 s and stops its motors after 2: that is the firmware's, and it falls."""
@@ -117,7 +117,7 @@ def test_a_vehicle_that_nothing_reaches_is_left_to_its_watchdog_and_the_reason_i
 
 
 @pytest.mark.parametrize(("fault", "words", "most_m_s"), [
-    slow({"up": HIGH_LEVEL}, "commanded to land it fell with", 3.2, "commands to land"),
+    slow({"up": HIGH_LEVEL}, "its planner did not answer the command to land", 1.8, "commands to land"),
     slow({"up": END_OF_SETPOINTS}, "commanded to land it did not sink for 1.5 s", GENTLY_M_S, "end of set-points")])
 def test_a_vehicle_that_does_not_hear_that_it_shall_land_is_taken_down_by_set_points(fault, words, most_m_s,
                                                                                       monkeypatch):

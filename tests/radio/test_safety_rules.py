@@ -208,6 +208,12 @@ def test_a_battery_that_will_be_empty_before_it_is_home_ends_the_flight_sooner()
     assert first_s(0.0) - first_s(10.0) == pytest.approx(10.0, abs=0.5)
 
 
+def test_the_load_of_take_off_is_no_trend_of_the_battery():
+    rule = LowBattery(2.9)
+    assert not any(rule.check(Situation(time_s=t, battery_V=3.8 if t < 0.5 else 3.2, home_s=8.0))
+                   for t in np.arange(-2.0, 30.0, 0.01))
+
+
 def test_a_vehicle_too_fast_to_stop_before_the_hard_fence_is_stopped_inside():
     rule = HardFence(*Limits().fence)
     place = np.array([1.7, 0.0, 1.0])

@@ -31,7 +31,7 @@ class Toy:
         self.motors = self.landing = False
         self.told: list[tuple[float, str]] = []
         self.lost, self.heard_s, self.mute, self.blind = "", self.time_s, False, False
-        self.deaf, self.alarm = False, ""
+        self.deaf, self.alarm, self.planner_answers = False, "", {}
         self.unlogged, self.astray_m = False, np.zeros(3)
         self.round_trips_s: deque[float] = deque([0.002] * 10, maxlen=50)
         self.values = {"pm.vbat": 3.9, "supervisor.info": 0b1011}
@@ -60,7 +60,8 @@ class Toy:
             reach = self.most_m_s * dt
             far = float(np.linalg.norm(way))
             self.place = self.place + (way if far <= reach else way * reach / far) + self.drift_m_s * dt
-        if self.landing and self.place[2] <= self.goal[2] + 1e-6:
+        self.place[2] = max(self.place[2], 0.0)
+        if self.landing and self.place[2] <= max(self.goal[2], 0.0) + 1e-6:
             self.motors = False  # its planner does that
         if not self.mute:
             self.heard_s = self.time_s

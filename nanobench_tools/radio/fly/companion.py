@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlparse
 
 from ...errors import MissingExtraError
+from .landing_profile import goal_m, lasts_s
 from .stop_socket import remove_stale
 
 if TYPE_CHECKING:
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from .pose_tracker import Believed
 
 LAND_S, EVERY_S = 4.0, 0.05
-LANDING_M_S, SHORTEST_S = 0.35, 1.5
 ON_THE_GROUND = ("ground", "landed")
 GENERIC, HIGH_LEVEL, LOCALIZATION, ECHO = 7, 8, 6, 15
 LAND, EMERGENCY_STOP = 8, 3
@@ -87,9 +87,8 @@ def companion(uri: str) -> Iterator[Companion]:
 
 def packets(ground_m: float, height_m: float) -> list[tuple[int, int, bytes]]:
     """Port, channel and data of: land by the planner, and the end of set-points."""
-    lasts = max(SHORTEST_S, (height_m - ground_m) / LANDING_M_S)
-    return [(HIGH_LEVEL, 0, struct.pack("<BBff?f", LAND, 0, ground_m, 0.0, True, lasts)),
-            (GENERIC, 1, struct.pack("<BI", 0, 0))]
+    landing = struct.pack("<BBff?f", LAND, 0, goal_m(ground_m), 0.0, True, lasts_s(ground_m, height_m, blind=True))
+    return [(HIGH_LEVEL, 0, landing), (GENERIC, 1, struct.pack("<BI", 0, 0))]
 
 
 def send_for(uri: str, what: list[tuple[int, int, bytes]], seconds: float, port: int = 0) -> bool:

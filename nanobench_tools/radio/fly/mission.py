@@ -18,6 +18,7 @@ from .flight_loop import Pacer, ahead_of_others, undisturbed
 from .flight_plan import LANDING, TAKEOFF, Plan
 from .guardian import Guardian
 from .interrupts import Hung, Interrupts
+from .landing_profile import lasts_s
 from .latest_log import astray, health_age_s
 from .outcome import Listener, Outcome
 from .pilot import PERIOD_S, Pilot, finite
@@ -26,7 +27,7 @@ from .pose_physics import PosePhysics
 from .pose_tracker import Believed, PoseTrack
 from .prepare import Ready
 from .safety import Limits, Situation, Stop, first_stop
-from .safety_handover import AFTER_S, LANDING_M_S, command_landing, hand_over, land, place_to_hold
+from .safety_handover import command_landing, hand_over, land, place_to_hold
 
 HANG_S = 0.25
 """After so long in one call the guardian takes the flight from a controller."""
@@ -36,7 +37,7 @@ GROUND, LANDED = "ground", "landed"
 GROUND_M = 0.03
 STILL_S, WRITTEN_S = 4.0, 0.2
 """Maximum wait for motors that do not turn; and for the recording's writer, if the program ends at once."""
-ECHO_S, RECENT_TRIPS = 0.1, 5
+ECHO_S, RECENT_TRIPS = 0.1, 3
 FALSE_S = 3.0
 """Poses that contradict the IMU may have been false for so long before it is found."""
 PLAIN = 1.3
@@ -188,7 +189,7 @@ class Flight:
         now.astray_m = float(np.linalg.norm(astray(link, believed, host)))
         now.pose_fault = self._gate.why or now.pose_fault or self._physics.check(believed, link.values, link.logged_s,
                                                                                  host)
-        now.home_s = max(self._height() - self.ground_m, 0.0) / LANDING_M_S + AFTER_S
+        now.home_s = lasts_s(self.ground_m, self._height())
         trips = list(link.round_trips_s)[-RECENT_TRIPS:]
         now.trip_s = float(np.median(trips)) if trips else 0.0
         now.alarm = link.alarm
@@ -295,7 +296,6 @@ class Flight:
 
     def _land(self) -> Stop | None:
         """The plan's own landing. A link that was lost meanwhile or a vehicle that says it crashed is no good end."""
-        self.link.release()
         self._down(lambda: land(self.link, self.clock, self.ground_m, self._height(), self._seen, self._idle))
         self._rest()
         self._look(self._now.time_s)
@@ -321,7 +321,8 @@ class Flight:
                 self._reckon(self.clock.now(), None)
         place = place_to_hold(now.position_m, now.velocity_m_s, self.limits.fence, self.ground_m)
         yaw = 0.0 if self._believed is None else self._believed.yaw_rad
-        brief = now.pose_age_s > self.limits.stale_s or stop.rule in (safety.Sinks.name, safety.PosesDisagree.name)
+        brief = now.pose_age_s > self.limits.stale_s or stop.rule in (safety.Sinks.name, safety.PosesDisagree.name,
+                                                                                  safety.ConsoleAlarm.name)
         own = self._own if stop.rule == safety.Astray.name else None
         self._down(lambda: hand_over(self.link, self.clock, place, yaw, self.ground_m, brief=brief, seen=self._seen,
                                      tick=self._idle, own=own))

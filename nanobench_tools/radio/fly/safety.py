@@ -187,7 +187,7 @@ class SlowLink:
     """Round trips are slow for FOR_S: set-points come late, and a landing may be needed while it still works."""
 
     name = "slow link"
-    MOST_S, FOR_S = 0.25, 1.0
+    MOST_S, FOR_S = 0.25, 0.4
 
     def __init__(self) -> None:
         self._time_s = self._slow_s = 0.0
@@ -231,10 +231,10 @@ class Speed:
 
 class LowBattery:
     """The mean of the last second is low, or will be before the vehicle has landed, as it falls now. Single dips under
-    load do not count, and the first second is not judged."""
+    load do not count, and the first second is not judged. The load of take-off is not part of the trend."""
 
     name = "low battery"
-    MEAN_S, TREND_S = 1.0, 10.0
+    MEAN_S, TREND_S, LOADED_S = 1.0, 10.0, 4.0
 
     def __init__(self, least_V: float) -> None:
         self.least_V = least_V
@@ -260,7 +260,8 @@ class LowBattery:
             return ""
         if not self._mean_V >= self.least_V:
             return f"{self._mean_V:.2f} V, the limit is {self.least_V:.2f}"
-        self._means.append((now.time_s, self._mean_V))
+        if now.time_s > self.LOADED_S:
+            self._means.append((now.time_s, self._mean_V))
         lost = self._lost_V(now.home_s)
         if self._mean_V - lost >= self.least_V:
             return ""

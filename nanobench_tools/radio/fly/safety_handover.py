@@ -12,9 +12,10 @@ from collections.abc import Callable
 import numpy as np
 
 from ..host_clock import Clock
-from ..vehicle_link import Link
+from ..vehicle_link import HL_LAND, Link
 from . import setpoint_packets
 from .flight_plan import LANDED_M
+from .landing_profile import LANDING_M_S, SHORTEST_LANDING_S, goal_m, lasts_s
 from .pose_tracker import Believed
 
 HOLD_S = 1.0
@@ -24,13 +25,15 @@ EVERY_S = 0.02
 AGAIN_S, TRIES = 0.05, 20
 """Time for which the commands to land and to end set-points, in this order, are repeated, since any may be lost. A
 planner that lands refuses a repetition. If set-points end before it knows of the landing, the vehicle falls."""
-UNHEARD_S, SUNK_M, SINKS_M_S = 1.5, 0.05, 0.1
+ANSWER_S, UNANSWERED_S = 0.15, 1.2
+"""Maximum wait for the planner's answer to one command to land, without set-points, which would end the planner's work.
+Then the vehicle is held and commanded again. A planner that has not answered for UNANSWERED_S is not used."""
+UNHEARD_S, SUNK_M, SINKS_M_S = 1.5, 0.03, 0.05
 """A vehicle that has not begun to sink by then is not landing, and its watchdog stops its motors half a second later.
 A planner's landing from 3 m has sunk by 7 cm; one that is given over from velocities may rise a little before."""
 FALLS_M_S = 1.8
 """Planned landings have 0.77 m/s at most, and 1.3 m/s while they take over from rates and thrust: what sinks faster has
 no planner."""
-LANDING_M_S, SHORTEST_LANDING_S = 0.35, 1.5
 MARGIN_M = 0.15
 """The place to hold lies this far inside the fence."""
 AFTER_S = 0.7
@@ -73,7 +76,11 @@ def land(link: Link, clock: Clock, ground_m: float, from_m: float, seen: Callabl
          tick: Callable[[], None]) -> str:
     """Land by the vehicle's own planner from a height and wait for the end. Returns "", or why set-points took it down
     instead."""
-    lasts, first = _lasts(ground_m, from_m), seen()
+    first = seen()
+    lasts = lasts_s(ground_m, from_m, blind=first is None)
+    if first is not None and link.planner_answers and not _answered(link, clock, ground_m, lasts, first, tick):
+        _lower(link, clock, seen() or first, ground_m, seen, tick)
+        return f"its planner did not answer the command to land for {UNANSWERED_S:.1f} s"
     begun, sent, tries = clock.now(), -np.inf, 0
     while (since := clock.now() - begun) < lasts + AFTER_S:
         if tries < TRIES and clock.now() - sent > AGAIN_S - 1e-6:
@@ -86,6 +93,24 @@ def land(link: Link, clock: Clock, ground_m: float, from_m: float, seen: Callabl
         tick()
         clock.sleep_until(clock.now() + EVERY_S)
     return ""
+
+
+def _answered(link: Link, clock: Clock, ground_m: float, lasts: float, first: Believed,
+              tick: Callable[[], None]) -> bool:
+    """Commands the landing while the last set-point holds, until the planner has accepted it. Set-points may end then:
+    a vehicle without both falls."""
+    begun = clock.now()
+    while clock.now() - begun < UNANSWERED_S:
+        _try(link.land, goal_m(ground_m), lasts)
+        asked = clock.now()
+        while clock.now() - asked < ANSWER_S:
+            tick()
+            clock.sleep_until(clock.now() + 0.5 * EVERY_S)
+            answer_s, error = link.planner_answers.get(HL_LAND, (-np.inf, 0))
+            if answer_s > begun and error == 0:
+                return True
+        _try(link.send_setpoint, setpoint_packets.position(first.position_m, first.yaw_rad))
+    return False
 
 
 def _not_landing(first: Believed | None, now: Believed | None, since_s: float, ground_m: float) -> str:
@@ -116,18 +141,14 @@ def _lower(link: Link, clock: Clock, first: Believed | None, ground_m: float, se
 
 
 def command_landing(link: Link, ground_m: float, from_m: float) -> None:
-    """Command a landing from a height by the vehicle's own planner, a few times at once, without waiting."""
+    """Command a landing from a height by the vehicle's own planner, a few times at once, without waiting; poses end."""
     for _ in range(AT_ONCE):
-        _tell(link, ground_m, _lasts(ground_m, from_m))
+        _tell(link, ground_m, lasts_s(ground_m, from_m, blind=True))
 
 
 def _tell(link: Link, ground_m: float, lasts: float) -> None:
-    _try(link.land, ground_m, lasts)
+    _try(link.land, goal_m(ground_m), lasts)
     _try(link.release)
-
-
-def _lasts(ground_m: float, from_m: float) -> float:
-    return max(SHORTEST_LANDING_S, (from_m - ground_m) / LANDING_M_S)
 
 
 def _try(send: Callable[..., object], *what: object) -> None:
