@@ -14,10 +14,11 @@ from .context import Context
 from .draft import Draft
 from .flown_axes import UP, ground_axes, tilts
 from .pose_frame import pose_frame
+from .shared_frame import SharedFrame, shared_frame
 from .stream_frames import pose_turn, stream_turns
 from .tilt_heading import other_height
 
-STREAMS = ("mocap", "imu", "estimator", "setpoint", "attitude", "attitude_qw")
+STREAMS = ("mocap", "imu", "estimator", "estimator_acc", "setpoint", "pid", "attitude", "attitude_qw")
 ROTATED = ("mocap", "attitude", "attitude_qw")
 """Streams of an attitude, which has axes of a world and of a body."""
 
@@ -26,8 +27,10 @@ def judge_frames(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndar
     """Names the frame of every stream in turned axes where the flight shows it, else asks or notes what to check."""
     streams = _streams(draft, values, time_s)
     upright = False
+    context = Context(Flight("draft", streams, {}, Provenance("draft", "", "table")))
+    if streams and (shared := context.once(shared_frame)) is not None:
+        _share(draft, shared)
     if "mocap" in streams:
-        context = Context(Flight("draft", streams, {}, Provenance("draft", "", "table")))
         world, body, why = context.once(pose_turn)
         if why and context.once(pose_frame).world is not None and not context.once(pose_frame).foreign_rad:
             _turn(draft, "mocap", world, body, why)
@@ -66,6 +69,19 @@ def _turn(draft: Draft, stream: str, world: np.ndarray, body: np.ndarray, why: s
     axes += f"/{name_of(body, False)}" if rotated and stream in ROTATED else ""
     draft.frames[stream] = axes
     draft.notes.append(f"{stream}: in {axes} axes, turned to z up and x forward, since {why}")
+
+
+def _share(draft: Draft, shared: SharedFrame) -> None:
+    """Notes the axes that several streams share."""
+    mapped = {stream for stream, _ in draft.mapped}
+    streams = [stream for stream in shared.streams if stream in mapped and stream not in draft.frames]
+    for stream in streams:
+        parts = shared.axes.name.split("/")
+        rotated = any((stream, q) in draft.mapped for q in ("qw", "roll"))
+        draft.frames[stream] = parts[-1] if stream == "imu" else shared.axes.name if rotated else parts[0]
+    if streams:
+        draft.notes.append(f"{', '.join(streams)}: in {shared.axes.name} axes, turned to z up and x forward, since "
+                           f"{shared.why}")
 
 
 def _down(draft: Draft, values: Mapping[str, np.ndarray], upright: bool) -> None:

@@ -14,10 +14,11 @@ import numpy as np
 from ..settings import number
 from .context import Context
 from .dropouts import alive_until
+from .estimated_turning import estimated_attitude, rates_of
+from .gravity import gravity_axis
 from .mocap_derivatives import derivatives_of
 from .paired_signals import BRIDGED_S
-from .stream_frames import IMU, estimated_attitude, rates_of
-from .unit_sign_errors import gravity_axis
+from .stream_frames import IMU
 from .usable_rows import usable_streams
 
 LIMIT_RAD_S = number("audit.gyro_offset.limit_rad_s")

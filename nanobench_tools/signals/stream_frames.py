@@ -15,17 +15,18 @@ from itertools import permutations, product
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from .. import so3
-from ..flight import Stream, make_stream
 from ..settings import number
-from .axis_unit_matching import CLEAR, CLEARLY, AxisUnitMatch, certain, correlations, wrong_matches
+from .axis_unit_matching import CLEAR, CLEARLY, AxisUnitMatch, certain, correlations
 from .context import Context
+from .estimated_turning import estimated_attitude, rates_of
+from .gravity import GRAVITY_SHARE, Gravity, gravity_axis
 from .held_poses import POSITION, ROTATION
 from .paired_signals import FEWEST_ROWS
 from .pairs import force_pair, gyro_pair, sums_of
 from .pose_frame import pose_frame
-from .unit_sign_errors import GRAVITY_SHARE, Gravity, gravity_axis
+from .shared_frame import shared_frame
 from .usable_rows import usable_streams
+from .wrong_matches import wrong_matches
 
 EULER = ("roll", "pitch", "yaw")
 IMU = (("gyro_x", "gyro_y", "gyro_z"), ("acc_x", "acc_y", "acc_z"))
@@ -48,8 +49,10 @@ class StreamTurn:
 
 
 def stream_turns(context: Context) -> list[StreamTurn]:
-    """Every stream in turned axes, once."""
-    found = [turn for turn in [_imu(context)] if turn is not None]
+    """Every stream in turned axes, once; without those of ``shared_frame``."""
+    shared = context.once(shared_frame)
+    found = [turn for turn in [_imu(context)] if turn is not None
+             and (shared is None or "imu" not in shared.streams)]
     streams: dict[str, list[AxisUnitMatch]] = {}
     for match in wrong_matches(context):
         if match.stream != "imu":
@@ -88,7 +91,9 @@ def unexplained(context: Context) -> list[AxisUnitMatch]:
 
 def unexplained_gravity(context: Context) -> Gravity | None:
     """``gravity_axis`` of an accelerometer whose frame is not turned as a whole, where another stream shows that."""
-    turned = any(turn.stream == "imu" for turn in context.once(stream_turns))
+    shared = context.once(shared_frame)
+    turned = any(turn.stream == "imu" for turn in context.once(stream_turns)) or (
+        shared is not None and "imu" in shared.streams)
     return None if turned or context.once(lone_imu) is not None else context.once(gravity_axis)
 
 
@@ -194,26 +199,6 @@ def _imu_by_estimate(context: Context, mean: np.ndarray | None) -> StreamTurn | 
            *(f"{IMU[0][i]} follows {'-' * bool(best[i, j] < 0)}{'xyz'[j]} of the estimated attitude ({k[i, j]:+.2f})"
              for i, j in moved)]
     return StreamTurn("imu", IMU, best.T, ", ".join(why))
-
-
-def estimated_attitude(context: Context) -> Stream | None:
-    """The vehicle's estimate of its attitude as quaternions, from whichever form was logged."""
-    streams = context.once(usable_streams)
-    if "attitude_qw" in streams and all(q in streams["attitude_qw"] for q in ROTATION):
-        return streams["attitude_qw"]
-    angles = streams.get("attitude")
-    if angles is None or not all(q in angles for q in EULER):
-        return None
-    return make_stream("attitude_qw", angles.time_s, so3.from_euler_zyx(*angles[EULER].T), ROTATION)
-
-
-def rates_of(turn: Stream) -> tuple[np.ndarray, np.ndarray]:
-    """times (n,) s and body rates (n, 3) rad/s between rows of an attitude."""
-    q = so3.make_continuous(turn[ROTATION])
-    step = np.diff(turn.time_s)
-    known = (step > 0.0) & np.isfinite(q[1:]).all(axis=1) & np.isfinite(q[:-1]).all(axis=1)
-    between = so3.multiply(so3.conjugate(q[:-1][known]), q[1:][known])
-    return 0.5 * (turn.time_s[1:] + turn.time_s[:-1])[known], so3.log(between) / step[known, None]
 
 
 def in_words(turn: np.ndarray) -> str:

@@ -15,13 +15,13 @@ import numpy as np
 
 from ...flight import Fault, Flight
 from ...settings import count, number
-from ...signals.axis_unit_matching import wrong_matches
 from ...signals.context import Context
 from ...signals.dropouts import alive_until
 from ...signals.mocap_derivatives import derivatives_of
 from ...signals.paired_signals import on_grid
 from ...signals.spikes import spikes
 from ...signals.usable_rows import usable_streams
+from ...signals.wrong_matches import wrong_matches
 from .kind import FaultKind
 
 KIND = "estimator_reset"

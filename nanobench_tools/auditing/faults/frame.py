@@ -26,6 +26,7 @@ from ...flight import Fault, Flight, poses_alone
 from ...signals.context import Context
 from ...signals.held_poses import POSITION, ROTATION
 from ...signals.pose_frame import pose_frame
+from ...signals.shared_frame import shared_frame
 from ...signals.stream_frames import (
     IMU,
     StreamTurn,
@@ -37,11 +38,12 @@ from ...signals.stream_frames import (
     stream_turns,
 )
 from ...signals.tilt_heading import wrong_heading
-from ...sources.axes import name_of
+from ...sources.axes import BODY_VECTORS, EULER, QUATERNION, WORLD_VECTORS, name_of
 from .kind import FaultKind
 from .making import SINCE, over_stream
 
 KIND = "frame"
+FRAMED = tuple(dict.fromkeys(q for v in (*WORLD_VECTORS, *BODY_VECTORS, QUATERNION, EULER) for q in v))
 FORWARD_RIGHT_DOWN = np.diag([1.0, -1.0, -1.0])
 LETTERS = {"N": "north", "S": "south", "E": "east", "W": "west", "U": "up", "D": "down", "F": "forward", "B": "back",
            "L": "left", "R": "right"}
@@ -50,7 +52,21 @@ LETTERS = {"N": "north", "S": "south", "E": "east", "W": "west", "U": "up", "D":
 def find(flight: Flight, context: Context) -> list[Fault]:
     """One fault per stream."""
     turns = [turn for turn in context.once(stream_turns) if turn.stream != "mocap"]
-    return [*_poses(context), *(_stream(context, turn) for turn in turns), *_lone(context)]
+    shared = context.once(shared_frame)
+    poses = _poses(context) if shared is None or "mocap" not in shared.streams else []
+    return [*_shared(context), *poses, *(_stream(context, turn) for turn in turns), *_lone(context)]
+
+
+def _shared(context: Context) -> list[Fault]:
+    """One fault per stream of axes that all of them share; their sentence is one."""
+    shared = context.once(shared_frame)
+    if shared is None:
+        return []
+    axes, angle = shared.axes, max(_angle(shared.axes.world), _angle(shared.axes.body))
+    text = (f"{', '.join(shared.streams)} are in {_meaning(axes.name)}: write frame = \"{axes.name}\" into each of "
+            f"these streams{SINCE}{shared.why}")
+    return [over_stream(KIND, context.flight, name, [q for q in FRAMED if q in context.flight[name]], angle, "rad",
+                        text, math.pi / 2) for name in shared.streams]
 
 
 def _stream(context: Context, found: StreamTurn) -> Fault:

@@ -12,11 +12,11 @@ Size: the offset of the worst axis, rad/s. Smallest found: 0.1 rad/s and four st
 from __future__ import annotations
 
 from ...flight import Fault, Flight
-from ...signals.axis_unit_matching import wrong_matches
 from ...signals.context import Context
 from ...signals.gyro_offset import CERTAIN, LIMIT_RAD_S, gyro_offset
 from ...signals.stream_frames import IMU, stream_turns
 from ...signals.unit_sign_errors import wrong_units
+from ...signals.wrong_matches import wrong_matches
 from .kind import FaultKind
 from .making import SINCE, over_stream
 

@@ -23,10 +23,13 @@ from ...flight import Fault, Flight
 from ...signals.attitude_signs import contradicted_angles
 from ...signals.axis_unit_matching import CLEAR, axis_unit_matches
 from ...signals.context import Context
+from ...signals.estimated_turning import estimated_attitude
 from ...signals.pairs import gyro_pair, sums_of
-from ...signals.stream_frames import unexplained, unexplained_gravity
+from ...signals.shared_frame import turns_as
+from ...signals.stream_frames import IMU, unexplained, unexplained_gravity
 from ...signals.tilt_heading import mirrored, other_height
 from ...signals.unit_sign_errors import ACC, against
+from ...signals.usable_rows import usable_streams
 from ...units import GRAVITY_M_S2
 from .kind import FaultKind
 from .making import over_stream
@@ -79,6 +82,9 @@ def _or_frd(context: Context, axis: int) -> str:
     """If the axes of the gyro are unknown, gravity alone cannot separate one negated column from a turned sensor."""
     if axis != 2 or "gyro_x" not in context.flight["imu"] or sums_of(context, gyro_pair) is not None:
         return ""
+    attitude, imu = estimated_attitude(context), context.once(usable_streams).get("imu")
+    if attitude is not None and imu is not None and all(q in imu for q in IMU[0]) and turns_as(imu, attitude):
+        return '; if y points right, too, imu and attitude are in FRD axes: write frame = "NED/FRD" into both'
     return '; if y points right, too, the whole sensor is in FRD axes: write frame = "FRD"'
 
 
