@@ -14,9 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from ..flight import STREAM_QUANTITIES
 from ..settings import number
 from ..time_offsets.mathematics.lags import LagSums
 from .context import Context
+from .known_factors import NamedFactor, named_factor
 from .paired_signals import Pair
 from .pairs import (
     PAIRS,
@@ -31,17 +33,7 @@ FACTOR = number("audit.axis_unit_matching.factor")
 HORIZONTAL = (("x", "y", "z"), ("vx", "vy", "vz"), ("ax", "ay", "az"))
 """Quantities in a world whose heading is anyone's choice: its origin and heading are no fault."""
 QUARTER_RAD = number("audit.axis_unit_matching.quarter_rad")
-KNOWN_FACTORS = {
-    "deg for rad": 180.0 / np.pi,
-    "rad for deg": np.pi / 180.0,
-    "g for m/s^2": 1.0 / 9.81,
-    "m/s^2 for g": 9.81,
-    "thousandths": 1000.0,
-    "thousands": 1e-3,
-    "hundredths": 100.0,
-    "hundreds": 0.01,
-}
-NEAR_KNOWN = number("audit.axis_unit_matching.near_known")
+FACTOR_WITHIN = number("audit.axis_unit_matching.factor_within")
 CLEARLY = number("audit.axis_unit_matching.clearly")
 
 
@@ -74,21 +66,27 @@ class AxisUnitMatch:
         )
 
     @property
-    def factor(self) -> float:
-        """Stream / reference when it is beyond FACTOR (a known one if near), else 1."""
-        clear = [r for r in self.ratio if np.isfinite(r)]
+    def named(self) -> NamedFactor | None:
+        """Stream / reference, by the axis that correlates best, where that and the median are beyond FACTOR; else
+        None."""
+        clear = [k for k in range(3) if np.isfinite(self.ratio[k])]
         if not clear:
-            return 1.0
-        ratio = float(np.exp(np.median(np.log(clear))))
-        if abs(np.log(ratio)) < np.log(FACTOR):
-            return 1.0
-        nearest = min(KNOWN_FACTORS.values(), key=lambda f: abs(np.log(ratio / f)))
-        return nearest if abs(np.log(ratio / nearest)) < np.log(NEAR_KNOWN) else ratio
+            return None
+        best = max(clear, key=lambda k: abs(self.correlation[k]))
+        sizes = np.log([float(np.median([self.ratio[k] for k in clear])), self.ratio[best]])
+        if np.abs(sizes).min() < np.log(FACTOR):
+            return None
+        return named_factor(STREAM_QUANTITIES[self.stream][self.quantities[0]][0], self.ratio[best],
+                            FACTOR_WITHIN / max(min(abs(self.correlation[best]), 1.0), CLEAR))
+
+    @property
+    def factor(self) -> float:
+        """The factor of ``named``, else 1."""
+        return 1.0 if self.named is None else self.named.factor
 
     @property
     def factor_name(self) -> str:
-        return next((name for name, f in KNOWN_FACTORS.items() if f == self.factor),
-                    "" if self.factor == 1.0 else "unknown unit")
+        return "" if self.named is None else self.named.name
 
 
 def correlations(sums: LagSums) -> np.ndarray:

@@ -305,7 +305,8 @@ def _gyro(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarray) ->
     keys = draft.columns("imu", ("gyro_x", "gyro_y", "gyro_z"))
     if not keys:
         return
-    factors = {"rad/s": 1.0, "deg/s": factor("deg/s"), "mrad/s": factor("mrad/s")}
+    factors = {"rad/s": 1.0, "deg/s": factor("deg/s"), "mrad/s": factor("mrad/s"),
+               "mdeg/s": factor("mdeg/s")}
     cells = np.stack([values[draft.mapped[k].column] for k in keys], axis=1)
     turning = _turning(draft, values, time_s)
     unit = draft.mapped[keys[0]].unit

@@ -13,9 +13,11 @@ import numpy as np
 from .. import so3
 from ..settings import number
 from ..units import GRAVITY_M_S2
+from .axis_unit_matching import FACTOR_WITHIN
 from .column_evidence import LARGEST_FLIGHT_M, MOST_M_S2, noise_by_axis, pull_of, spans
 from .context import Context
 from .held_poses import POSITION, ROTATION
+from .known_factors import named_factor
 from .paired_signals import FEWEST_ROWS
 from .plausible_ranges import WrongUnit, tracker_scale
 from .pose_frame import posed
@@ -71,10 +73,11 @@ def _tilted(context: Context) -> WrongUnit | None:
     if not wrong:
         return None
     factor = float(np.exp(np.mean(np.log(ratio[wrong]))))
+    named = named_factor("m", factor, FACTOR_WITHIN / float(follows[wrong].max()))
     names = tuple(POSITION[k] for k in wrong)
     both_axes = " (or the time is in another unit)" if len(wrong) > 1 else ""
-    return WrongUnit("mocap", names, factor, f"{', '.join(names)} accelerates {factor:.3g} times as much as the tilt "
-                                             f"gives{both_axes}")
+    return WrongUnit("mocap", names, named.factor, f"{', '.join(names)} accelerates {factor:.3g} times as much as the "
+                                                   f"tilt gives{both_axes}{named.reading}")
 
 
 def _turned(context: Context) -> WrongUnit | None:

@@ -16,6 +16,7 @@ from ..units import GRAVITY_M_S2, PWM_FULL_SCALE
 from .column_evidence import noise_by_axis, one_unit
 from .context import Context
 from .dropouts import alive_until
+from .known_factors import named_factor
 from .quaternion_lengths import STREAMS as QUATERNIONS
 from .quaternion_lengths import other_length, scaled_part
 from .usable_rows import typical_step_s, usable_streams
@@ -25,7 +26,8 @@ FACTOR = number("audit.plausible_ranges.factor")
 SLOWEST_STEP_S = number("audit.plausible_ranges.slowest_step_s")
 BATTERY_V = setting("audit.plausible_ranges.battery_v")
 POSITION = ("px", "py", "pz")
-NEAR_KNOWN = number("audit.plausible_ranges.near_known")
+SHAKES = number("audit.plausible_ranges.shakes")
+NOISE_WITHIN = number("audit.plausible_ranges.noise_within")
 
 
 @dataclass(frozen=True)
@@ -74,8 +76,9 @@ def odd_axis(context: Context) -> WrongUnit | None:
     away = [abs(sizes[k] - np.median(np.delete(sizes[known], i))) for i, k in enumerate(known)]
     axis = int(known[int(np.argmax(away))])
     factor = float(np.exp(sizes[axis] - np.nanmedian(np.delete(sizes, axis))))
-    return WrongUnit("mocap", (POSITION[axis],), factor,
-                     f"the noise of {POSITION[axis]} is {factor:.3g} times that of the other axes")
+    named = named_factor("m", factor, NOISE_WITHIN)
+    return WrongUnit("mocap", (POSITION[axis],), named.factor,
+                     f"the noise of {POSITION[axis]} is {factor:.3g} times that of the other axes{named.reading}")
 
 
 def wrong_ranges(context: Context) -> list[WrongUnit]:
@@ -91,7 +94,8 @@ def wrong_ranges(context: Context) -> list[WrongUnit]:
     if (odd := odd_axis(context)) is not None:
         found.append(odd)
     elif context.once(tracker_scale) != 1.0:
-        found.append(WrongUnit("mocap", POSITION, 1000.0, "the tracked position spans more than a room: millimetres"))
+        found.append(WrongUnit("mocap", POSITION, 1000.0,
+                               "the tracked position spans more than a room: millimetres or centimetres"))
     for name, turn in QUATERNIONS.items():
         turned = context.flight.streams.get(name)
         if turned is None or not all(q in turned.quantities for q in turn):
@@ -109,11 +113,10 @@ def wrong_ranges(context: Context) -> list[WrongUnit]:
         norm = float(np.median(np.linalg.norm(acc, axis=1)))
         ratio = norm / GRAVITY_M_S2
         if norm > 0.0 and abs(np.log(ratio)) > np.log(FACTOR):
-            known = min((GRAVITY_M_S2, 1.0 / GRAVITY_M_S2, 1000.0, 1e-3, 1000.0 / GRAVITY_M_S2),
-                        key=lambda f: abs(np.log(ratio / f)))
-            factor = known if abs(np.log(ratio / known)) < np.log(NEAR_KNOWN) else ratio
-            found.append(WrongUnit("imu", ("acc_x", "acc_y", "acc_z"), factor,
-                                   f"the median of the specific force is {norm:.4g} m/s^2, gravity is 9.81"))
+            named = named_factor("m/s^2", ratio, SHAKES)
+            found.append(WrongUnit("imu", ("acc_x", "acc_y", "acc_z"), named.factor,
+                                   f"the median of the specific force is {norm:.4g} m/s^2, gravity is 9.81"
+                                   f"{named.reading}"))
     volts = _alive(context, "battery", ("vbat",))
     if volts is not None:
         median = float(np.median(volts))

@@ -19,13 +19,14 @@ def wrong_units(context: Context) -> list[WrongUnit]:
     found += [w for w in context.once(wrong_paths) if not reported & {(w.stream, q) for q in w.quantities}]
     reported = {(w.stream, q) for w in found for q in w.quantities}
     for verdict in context.once(wrong_matches):
-        if verdict.factor == 1.0 or verdict.quantities == ACC or any((verdict.stream, q) in reported
+        named = verdict.named
+        if named is None or verdict.quantities == ACC or any((verdict.stream, q) in reported
                                                                      for q in verdict.quantities):
             continue
         found.append(
-            WrongUnit(verdict.stream, verdict.quantities, verdict.factor,
-                      f"{', '.join(verdict.quantities)} of {verdict.stream} are {verdict.factor:.4g} times what the "
-                      f"{against(verdict)} predicts{_named(verdict)}")
+            WrongUnit(verdict.stream, verdict.quantities, named.factor,
+                      f"{', '.join(verdict.quantities)} of {verdict.stream} are {named.words} times what the "
+                      f"{against(verdict)} predicts{named.reading}")
         )
     return found
 
@@ -41,7 +42,3 @@ def against(verdict: AxisUnitMatch) -> str:
         if verdict.stream == "mocap" and verdict.quantities[0] in ("px", "qx")
         else "motion capture"
     )
-
-
-def _named(verdict: AxisUnitMatch) -> str:
-    return f" ({verdict.factor_name})" if verdict.factor_name else ""

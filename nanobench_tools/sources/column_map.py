@@ -29,7 +29,7 @@ UNITS: dict[str, tuple[str, ...]] = {
     "1": ("1",),
     "rad": ("rad", "deg", "mrad"),
     "m/s": ("m/s", "mm/s", "cm/s"),
-    "rad/s": ("rad/s", "deg/s", "mrad/s", "rpm"),
+    "rad/s": ("rad/s", "deg/s", "mrad/s", "mdeg/s", "rpm"),
     "m/s^2": ("m/s^2", "g", "mg", "mm/s^2"),
     "V": ("V", "mV"),
     "N": ("N", "gram_force", "kgf", "lbf"),

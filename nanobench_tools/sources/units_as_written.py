@@ -20,6 +20,7 @@ WRITTEN: dict[str, tuple[str, ...]] = {
     "mrad": ("mrad",),
     "rad/s": ("rad/s", "rads-1", "rad_s", "rad/sec", "radps", "rps_rad", "radians/second"),
     "deg/s": ("deg/s", "degs-1", "deg_s", "deg/sec", "dps", "°/s", "degps", "degrees/second"),
+    "mdeg/s": ("mdeg/s", "mdegs-1", "mdeg_s", "mdps", "millidegrees/second"),
     "mrad/s": ("mrad/s", "mrads-1", "mrad_s"),
     "rpm": ("rpm", "rev/min", "r/min", "min-1", "1/min"),
     "V": ("v", "volt", "volts"),
