@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from .. import so3
 from .context import Context
+from .held_poses import ROTATION
 from .pairs import gyro_pair, sums_of
+from .quaternions import UNIT_WITHIN, quaternion_orders
 from .stream_frames import EULER, IMU, stream_turns
 from .usable_rows import usable_streams
 
@@ -17,22 +20,39 @@ REACH_S = 0.1
 SHORTEST_S = 2.0
 AGAINST = 0.7
 """Least size of a correlation that shows a sign."""
+SLOWLY, ALL_DELAYS = 0.5, 0.3
+"""The same where a slow turn correlates negatively at every delay, at least by the second number."""
 
 
 def contradicted_angles(context: Context) -> list[tuple[str, str, float]]:
     """(angle, column of the gyro, correlation) of every axis about which the two turn against each other."""
     streams = context.once(usable_streams)
-    angles, imu = streams.get("attitude"), streams.get("imu")
-    if angles is None or imu is None or not all(q in angles for q in EULER) or not all(q in imu for q in IMU[0]):
+    imu, angles = streams.get("imu"), _angles(context)
+    if angles is None or imu is None or not all(q in imu for q in IMU[0]):
         return []
     if sums_of(context, gyro_pair) is not None or any(t.stream == "imu" for t in context.once(stream_turns)):
         return []
     found = []
     for angle, gyro in zip(EULER, IMU[0], strict=True):
-        k = _correlations(_rising(angles.time_s, angles[angle]), _rising(imu.time_s, imu[gyro]))
-        if k.min(initial=0.0) < -AGAINST and -k.min() > k.max():
+        k = _correlations(_rising(angles[0], angles[1][angle]), _rising(imu.time_s, imu[gyro]))
+        clear = k.min(initial=0.0) < -AGAINST and -k.min() > k.max()
+        if clear or (k.min(initial=0.0) < -SLOWLY and k.max() < -ALL_DELAYS):
             found.append((angle, gyro, float(k.min())))
     return found
+
+
+def _angles(context: Context) -> tuple[np.ndarray, dict[str, np.ndarray]] | None:
+    """Times and angles by name of the estimated attitude, from whichever form was logged."""
+    streams = context.once(usable_streams)
+    angles, turn = streams.get("attitude"), streams.get("attitude_qw")
+    if angles is not None and all(q in angles for q in EULER):
+        return angles.time_s, {angle: angles[angle] for angle in EULER}
+    found = context.once(quaternion_orders).get("attitude_qw")
+    if turn is None or found is None:
+        return None
+    q = found.reading.of(turn[ROTATION])
+    fine = np.isfinite(q).all(axis=1) & (np.abs(np.linalg.norm(q, axis=1) - 1.0) < UNIT_WITHIN)
+    return turn.time_s[fine], dict(zip(EULER, so3.euler_zyx(q[fine]).T, strict=True))
 
 
 def _rising(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -8,16 +8,20 @@ from .. import so3
 from ..flight import Stream, make_stream
 from .context import Context
 from .held_poses import ROTATION
+from .quaternions import quaternion_orders
 from .usable_rows import usable_streams
 
 EULER = ("roll", "pitch", "yaw")
 
 
 def estimated_attitude(context: Context) -> Stream | None:
-    """The vehicle's estimate of its attitude as quaternions, from whichever form was logged."""
+    """The vehicle's estimate of its attitude as quaternions x, y, z, w, from whichever form was logged."""
     streams = context.once(usable_streams)
     if "attitude_qw" in streams and all(q in streams["attitude_qw"] for q in ROTATION):
-        return streams["attitude_qw"]
+        stream, found = streams["attitude_qw"], context.once(quaternion_orders).get("attitude_qw")
+        if found is None or found.reading.as_stored:
+            return stream
+        return make_stream("attitude_qw", stream.time_s, found.reading.of(stream[ROTATION]), ROTATION)
     angles = streams.get("attitude")
     if angles is None or not all(q in angles for q in EULER):
         return None

@@ -24,6 +24,9 @@ WORLDS = {(2, 1): "ENU", (2, -1): "NED", (1, 1): "EUS", (1, -1): "EDN", (0, 1): 
 """Axis of a world that is up -> what its axes are called, its heading being anyone's choice."""
 BODIES = {(2, 1): "FLU", (2, -1): "FRD", (1, 1): "FUR", (1, -1): "FDL", (0, 1): "ULB", (0, -1): "DLF"}
 """The same of a body; its heading stays that of the tracker."""
+DOWN: Axis = (2, -1)
+ALMOST_ALL = 0.01
+"""Quantile of a height that is taken as its least."""
 FOREIGN_RAD = number("audit.pose_frame.foreign_rad")
 CLEARLY = number("audit.pose_frame.clearly")
 OTHER_FOLLOWS = number("audit.pose_frame.other_follows")
@@ -66,6 +69,8 @@ def pose_frame(context: Context) -> PoseFrame:
     better = max(OTHER_FOLLOWS, usual.follows + CLEARLY if usual is not None and usual.upright > UPRIGHT else 0.0)
     flying = {axes: tilt for axes, tilt in found.items()
               if tilt.flies and tilt.follows > better and (not ground or axes[0] in ground)}
+    if not ground and len(position) and np.quantile(position[:, 2], ALMOST_ALL) > 0.0:
+        flying.pop((DOWN, DOWN), None)  # inverted, or of another heading: a path above 0 has z up
     if flying:
         best = max(flying, key=lambda axes: flying[axes].follows)
         return PoseFrame(*best, _why_tilt(best, flying[best], usual))

@@ -31,6 +31,7 @@ UNIT_WITHIN = number("audit.quaternions.unit_within")
 
 
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
+PLACE = ("x", "y", "z")
 
 
 @dataclass(frozen=True)
@@ -68,14 +69,21 @@ def quaternion_orders(context: Context) -> dict[str, Order]:
             as_read < UPRIGHT or (angles["x, y, z, w"] > AGREES_RAD and angles["w, x, y, z"] < 0.5 * AGREES_RAD)
         ) and not (name == "mocap" and _flies_as_read(context))
         base = SCALAR_FIRST if clear else AS_STORED
-        reading, evidence = reading_of((t, q), _path(context) if name == "mocap" else None, _gyro(context), base)
+        reading, evidence = reading_of((t, q), _path(context, name), _gyro(context), base)
         found[name] = Order(reading, as_read, float(np.mean(_up(reading.of(q)[t <= t[0] + FIRST_S]))), evidence)
     return found
 
 
-def _path(context: Context) -> Samples | None:
-    time_s, position, _ = context.once(seen_poses)
-    return (time_s, position) if len(time_s) else None
+def _path(context: Context, name: str) -> Samples | None:
+    """Of the motion capture; for the estimated attitude without motion capture, of the estimate."""
+    if name == "mocap":
+        time_s, position, _ = context.once(seen_poses)
+        return (time_s, position) if len(time_s) else None
+    place = context.once(usable_streams).get("estimator")
+    if "mocap" in context.flight or place is None or not all(q in place for q in PLACE):
+        return None
+    known = np.isfinite(place[PLACE]).all(axis=1)
+    return (place.time_s[known], place[PLACE][known]) if known.sum() > 20 else None
 
 
 def _gyro(context: Context) -> Samples | None:

@@ -19,10 +19,9 @@ from .context import Context
 from .estimated_turning import EULER, estimated_attitude, rates_of
 from .flown_axes import FOLLOWS, NAMES, UP, UPRIGHT, Axis, Tilt, ground_axes_of, tilts, tilts_of
 from .gravity import gravity_axis
-from .pose_frame import BODIES, CLEARLY, OTHER_FOLLOWS, WORLDS, pose_frame, posed
+from .pose_frame import ALMOST_ALL, BODIES, CLEARLY, DOWN, OTHER_FOLLOWS, WORLDS, pose_frame, posed
 from .usable_rows import usable_streams
 
-DOWN: Axis = (2, -1)
 HEADINGS_DOWN = tuple(frame_of(name).world for name in ("NED", "ESD", "SWD", "WND"))
 """Worlds with z down."""
 FRAMED = ("estimator", "estimator_acc", "attitude", "attitude_qw", "imu", "setpoint", "pid")
@@ -119,6 +118,8 @@ def _by_estimate(context: Context) -> SharedFrame | None:
     if usual is None or usual.flies:
         return None
     ground = ground_axes_of(time_s, position)
+    if not ground and np.quantile(position[:, 2], ALMOST_ALL) > 0.0:
+        found.pop((DOWN, DOWN), None)
     world, body, why = _axes(found, usual, ground)
     if not why:
         return None

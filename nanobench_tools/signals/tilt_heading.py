@@ -56,6 +56,16 @@ def wrong_heading(context: Context) -> tuple[float, str] | None:
                         f"the position (correlation {follows:.2f})")
 
 
+def half_turned(context: Context) -> bool:
+    """Whether the tilt fits the path as well with inverted quaternions: the heading is near half a turn throughout."""
+    both = context.once(tilt_and_acceleration)
+    if both is None:
+        return False
+    path, *tilts = (v[:, 0] + 1j * v[:, 1] for v in both)
+    found = [_turn(tilt, path) for tilt in tilts]
+    return all(follows > FOLLOWS and abs(angle) < TURNED_RAD for angle, follows in found)
+
+
 def _turn(tilt: np.ndarray, path: np.ndarray) -> tuple[float, float]:
     """Angle by which ``tilt`` (n,) complex has to be turned to follow ``path``, and their correlation then."""
     product = complex(np.vdot(tilt, path))

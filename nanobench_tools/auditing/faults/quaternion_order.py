@@ -15,14 +15,20 @@ Size: mean cosine of the tilt as read. Smallest found: any.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ...flight import Fault, Flight
 from ...signals.context import Context
 from ...signals.quaternion_lengths import STREAMS
+from ...signals.quaternion_reading import AS_STORED
 from ...signals.quaternions import quaternion_orders
+from ...signals.stream_frames import unexplained
+from ...signals.tilt_heading import half_turned
 from .kind import FaultKind
 from .making import SINCE, over_stream
 
 KIND = "quaternion_order"
+INVERTED = replace(AS_STORED, inverted=True)
 
 
 def find(flight: Flight, context: Context) -> list[Fault]:
@@ -44,6 +50,13 @@ def find(flight: Flight, context: Context) -> list[Fault]:
                 f"the quaternions of {name} are {order.reading.meaning}: {order.reading.change}{SINCE}{evidence}",
             )
         )
+    blamed = next((m for m in context.once(unexplained) if m.quantities == ("qx", "qy", "qz") and m.sign[2] < 0
+                   and min(m.sign[:2]) >= 0 and m.stream == "mocap"), None)
+    if blamed is not None and not any(f.stream == "mocap" for f in faults) and context.once(half_turned):
+        faults.append(over_stream(KIND, flight, "mocap", STREAMS["mocap"], 1.0, "1",
+                                  f"the quaternions of mocap are {INVERTED.meaning}: {INVERTED.change}{SINCE}"
+                                  f"gyro and estimate turn against them about z alone "
+                                  f"({blamed.correlation[2]:+.2f}), near a heading of 180 deg"))
     return faults
 
 

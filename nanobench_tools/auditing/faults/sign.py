@@ -23,11 +23,11 @@ from ...flight import Fault, Flight
 from ...signals.attitude_signs import contradicted_angles
 from ...signals.axis_unit_matching import CLEAR, axis_unit_matches
 from ...signals.context import Context
-from ...signals.estimated_turning import estimated_attitude
+from ...signals.estimated_turning import EULER, estimated_attitude
 from ...signals.pairs import gyro_pair, sums_of
 from ...signals.shared_frame import turns_as
 from ...signals.stream_frames import IMU, unexplained, unexplained_gravity
-from ...signals.tilt_heading import mirrored, other_height
+from ...signals.tilt_heading import half_turned, mirrored, other_height
 from ...signals.unit_sign_errors import ACC, against
 from ...signals.usable_rows import usable_streams
 from ...units import GRAVITY_M_S2
@@ -50,15 +50,30 @@ def wrong_signs(context: Context) -> list[tuple[str, str, str]]:
         if any(q[:1] == "q" for _, q, _ in poses) and "gyro_x" in verdict.quantities:
             continue  # it agrees once the attitude is mended
         for quantity, sign, k in zip(verdict.quantities, verdict.sign, verdict.correlation, strict=True):
+            if quantity == "qz" and min(verdict.sign[:2]) >= 0 and context.once(half_turned):
+                continue  # ``quaternion_order``: inverted
             if sign < 0 and (verdict.stream, quantity) not in {(s, q) for s, q, _ in found}:
                 found.append((verdict.stream, quantity,
                               f"{quantity} of {verdict.stream} correlates {k:+.2f} with what the "
-                              f"{against(verdict)} predicts"))
-    for angle, gyro, k in context.once(contradicted_angles):
+                              f"{against(verdict)} predicts" + _or_inverted(context, quantity)))
+    angles = context.once(contradicted_angles)
+    if angles and not ("attitude" in context.flight and all(q in context.flight["attitude"] for q in EULER)):
+        shown = ", ".join(f"{angle} against {gyro} ({k:+.2f})" for angle, gyro, k in angles)
+        found.append(("attitude_qw", "qx" if angles[0][0] == "roll" else "qy" if angles[0][0] == "pitch" else "qz",
+                      f"the estimated attitude turns {shown}: the quaternions are inverted (change the sign of qx, qy, "
+                      "qz), or these rates are negated"))
+        angles = []
+    for angle, gyro, k in angles:
         found.append(("attitude", angle,
                       f"{angle} of attitude turns against {gyro} (correlation {k:+.2f}): one of them is negated"
                       + ", and angles of pitch are positive nose down" * (angle == "pitch")))
     return found
+
+
+def _or_inverted(context: Context, quantity: str) -> str:
+    """At a heading of half a turn, inverted quaternions only turn against the gyro about z."""
+    return ("; or the quaternions are inverted, which the tilt does not show at a heading near 180 deg"
+            if quantity in ("gyro_z", "wz") and context.once(half_turned) else "")
 
 
 def _poses(context: Context) -> list[tuple[str, str, str]]:
