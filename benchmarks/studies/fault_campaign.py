@@ -2,8 +2,9 @@
 
 ``--flights N`` (default 80) flies N flights on the simulated vehicle's own clock, over a link of 10 ms that loses 1 %.
 The faults take turns, as do controllers; path, speed and the moment of the fault are drawn with ``--seed``. A flight
-fails if the vehicle gets more than 1.5 m outside its plan, or drops from above 0.3 m. ``--fault NAME`` flies one fault,
-``--first K`` goes on at flight K, ``--json FILE`` writes every flight. All of it is SYNTHETIC.
+fails if the vehicle gets more than 1.5 m outside its plan, or drops from above 0.3 m. ``--fault NAME`` flies one fault.
+``--json FILE`` keeps every flight, and those that FILE has are not flown again. ``--for-s S`` stops after S seconds, so
+that the campaign can be flown in pieces. All of it is SYNTHETIC.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import json
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -26,7 +28,7 @@ sys.path.insert(0, str(ROOT))
 from controllers.plants.served_vehicle import served  # noqa: E402
 from nanobench_tools import so3  # noqa: E402
 from nanobench_tools.cli.fly_controllers import pilot_for  # noqa: E402
-from nanobench_tools.radio.crtp import Packet, Port, parse  # noqa: E402
+from nanobench_tools.radio.crtp import Port  # noqa: E402
 from nanobench_tools.radio.fly.flight_plan import Plan, chosen_path  # noqa: E402
 from nanobench_tools.radio.fly.safety import Limits  # noqa: E402
 from nanobench_tools.radio.fly.session import Request, fly_session  # noqa: E402
@@ -34,6 +36,7 @@ from nanobench_tools.radio.fly.virtual import VirtualWorld  # noqa: E402
 from nanobench_tools.radio.mocap.pose_datagram import Pose, pack, unpack  # noqa: E402
 from nanobench_tools.radio.simulated.channel import RadioOptions  # noqa: E402
 from nanobench_tools.radio.simulated.motion_capture import MocapOptions  # noqa: E402
+from nanobench_tools.radio.simulated.packet_faults import Kind, PacketFaults, every, kind  # noqa: E402
 
 ROOM = MocapOptions(noise_m=1.2e-5, noise_rad=6e-4)
 CONTROLLERS = ("onboard_pid", "geometric", "mpc_daqp", "onboard_mellinger", "lqr", "mellinger_full")
@@ -41,17 +44,6 @@ PATHS = (("circle", 0.6), ("figure_eight", 0.8))
 MOST_OUTSIDE_M, MOST_DROP_M = 1.5, 0.3
 AIR_M, AFTERWARDS_S = 0.8, 3.0
 FOREVER = np.inf
-Kind = Callable[[Packet], bool]
-
-
-def kind(port: Port, channel: int | None = None) -> Kind:
-    return lambda packet: packet.port == port and channel in (None, packet.channel)
-
-
-def every(packet: Packet) -> bool:
-    return True
-
-
 SETPOINTS, ENDS, POSES = kind(Port.GENERIC, 0), kind(Port.GENERIC, 1), kind(Port.LOCALIZATION, 1)
 PLANNER, LOG, ECHO = kind(Port.HIGH_LEVEL), kind(Port.LOG), kind(Port.LINK)
 
@@ -79,14 +71,13 @@ class FaultWorld(VirtualWorld):
     def __init__(self, fault: Fault, after_s: float, seed: int) -> None:
         super().__init__(served(seed=seed, **fault.world), RadioOptions(latency_s=0.010, loss=0.01), ROOM)
         self._fault, self._after_s, self._high_s = fault, after_s, np.inf
-        self._rng = np.random.default_rng(seed)
-        self._held: list[tuple[float, bytes]] = []
-        self._held_down: list[tuple[float, bytes]] = []
+        self._packets = PacketFaults(lambda: self.since_s, np.random.default_rng(seed), fault.up, fault.down,
+                                     fault.lasts_s, fault.share, fault.late_s)
         self._before: list[Pose] = []
         self.once: set[str] = set()
         self.seen: list[tuple[float, ...]] = []
         came, due = self.simulation.outgoing, self.simulation.mocap.due
-        self.simulation.outgoing = lambda t: self._arriving(t, came(t))  # type: ignore[method-assign]
+        self.simulation.outgoing = lambda t: self._packets.arriving(t, came(t))  # type: ignore[method-assign]
         self.simulation.mocap.due = lambda t: self._poses(due(t))  # type: ignore[method-assign]
 
     @property
@@ -94,27 +85,8 @@ class FaultWorld(VirtualWorld):
         """Since the fault began; negative before."""
         return self.now() - self._high_s - self._after_s
 
-    def _strikes(self, which: Kind | None, datagram: bytes) -> bool:
-        packet = parse(datagram)
-        return (which is not None and packet is not None and 0.0 <= self.since_s < self._fault.lasts_s
-                and which(packet) and bool(self._rng.random() < self._fault.share))
-
     def post(self, datagram: bytes) -> None:
-        if not self._strikes(self._fault.up, datagram):
-            super().post(datagram)
-        elif self._fault.late_s:
-            self._held.append((self.now() + self._fault.late_s, datagram))
-
-    def _arriving(self, time_s: float, came: list[bytes]) -> list[bytes]:
-        arrived = []
-        for datagram in came:
-            if not self._strikes(self._fault.down, datagram):
-                arrived.append(datagram)
-            elif self._fault.late_s:
-                self._held_down.append((time_s + self._fault.late_s, datagram))
-        arrived += [d for due, d in self._held_down if due <= time_s]
-        self._held_down = [(due, d) for due, d in self._held_down if due > time_s]
-        return arrived
+        self._packets.post(self.now(), datagram, super().post)
 
     def _poses(self, datagrams: list[bytes]) -> list[bytes]:
         found = []
@@ -130,9 +102,7 @@ class FaultWorld(VirtualWorld):
         return found
 
     def _step(self, time_s: float) -> None:
-        for _, datagram in [held for held in self._held if held[0] <= time_s]:
-            super().post(datagram)
-        self._held = [held for held in self._held if held[0] > time_s]
+        self._packets.release(time_s, super().post)
         super()._step(time_s)
         vehicle = self.simulation.onboard.vehicle
         place, _, _ = vehicle.true_pose()
@@ -323,6 +293,8 @@ class FaultyPilot:
 
 @dataclasses.dataclass
 class Flown:
+    number: int
+    seed: int
     fault: str
     controller: str
     path: str
@@ -362,7 +334,7 @@ def fly(name: str, number: int, seed: int) -> Flown:
     world.sleep_until(world.now() + AFTERWARDS_S)
     seen = np.array(world.seen)
     outside, drop = judged(seen, plans[0] if plans else None)
-    return Flown(name, controller, family, round(speed, 2), round(after_s, 2), began, stop, outside, drop)
+    return Flown(number, seed, name, controller, family, round(speed, 2), round(after_s, 2), began, stop, outside, drop)
 
 
 def judged(seen: np.ndarray, plan: Plan | None) -> tuple[float, float]:
@@ -375,7 +347,7 @@ def judged(seen: np.ndarray, plan: Plan | None) -> tuple[float, float]:
     for z, motors in seen[:, 3:5]:
         top = max(top, z) if motors == 0.0 else 0.0
         drop = max(drop, top - z)
-    return float(max(over.max(), above.max())), drop
+    return float(max(over.max(), above.max())), float(drop)
 
 
 def table(flown: list[Flown]) -> str:
@@ -391,23 +363,39 @@ def table(flown: list[Flown]) -> str:
     return "\n".join(lines)
 
 
+def kept(path: Path | None) -> list[Flown]:
+    return [] if path is None or not path.exists() else [Flown(**row) for row in json.loads(path.read_text())]
+
+
+def keep(path: Path | None, flown: list[Flown]) -> None:
+    """An interruption leaves the old file or the new one."""
+    if path is not None:
+        new = path.with_suffix(".new")
+        new.write_text(json.dumps([dataclasses.asdict(f) for f in flown], indent=1))
+        new.replace(path)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--flights", type=int, default=80)
-    parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--fault", action="append")
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--for-s", type=float, default=np.inf)
     given = parser.parse_args()
     names = given.fault or list(faults())
-    flown = []
-    for number in range(given.first, given.first + given.flights):
-        flown.append(fly(names[number % len(names)], number, given.seed))
-        last = flown[-1]
+    begun, flown = time.monotonic(), kept(given.json)
+    have = {(f.seed, f.number, f.fault) for f in flown}
+    for number in range(given.flights):
+        name = names[number % len(names)]
+        if (given.seed, number, name) in have:
+            continue
+        if time.monotonic() - begun > given.for_s:
+            break
+        flown.append(last := fly(name, number, given.seed))
         print(f"{number} {last.fault}, {last.controller}: {'' if last.good else 'FAILED '}outside {last.outside_m:.2f} "
               f"m, drop {last.drop_m:.2f} m; {last.stop or 'flown'}", file=sys.stderr, flush=True)
-        if given.json is not None:
-            given.json.write_text(json.dumps([dataclasses.asdict(f) for f in flown], indent=1))
+        keep(given.json, flown)
     print(table(flown))
 
 

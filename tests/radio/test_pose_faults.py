@@ -129,6 +129,16 @@ def test_every_controller_loses_the_flight_before_the_vehicle_gets_far(controlle
     assert world.sank_m_s < 2.0
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("controller", ["onboard_mellinger", "mellinger_full", "mpc_daqp"])
+def test_poses_that_freeze_with_noise_in_hover_do_not_let_the_vehicle_tilt_over(controller):
+    """The accelerometer is blind to it: thrust points along the body's z, whatever the tilt."""
+    outcome, world = flown(frozen_with_noise, controller, after_s=2.5)
+    assert outcome.stop.rule == "poses"
+    assert "tilt" in outcome.stop.reason
+    assert world.further_m < 1.5
+
+
 def test_poses_of_another_body_stop_the_motors_before_the_vehicle_has_risen_far():
     """The other body stands on the ground while this one takes off."""
     outcome, world = flown(swapped, after_s=-1.0)

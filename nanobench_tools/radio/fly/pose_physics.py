@@ -2,7 +2,8 @@
 
 Velocity: the velocity of the poses changes by the integral of the measured acceleration. This fails for a tracker that
 follows another body, freezes with noise or mirrors the motion. Rotation: over a tenth of a second, the poses turn by
-the integral of the gyro. Mirrored or late attitudes turn the other way.
+the integral of the gyro. Mirrored or late attitudes turn the other way. Tilt: over half a second, the gyro shows the
+same tilt as the poses. Poses that froze with noise in hover let the vehicle tilt more and more.
 """
 
 from __future__ import annotations
@@ -26,6 +27,10 @@ BRIEF_S = number("flying.pose_physics.brief_s")
 BRIEF_SLOPE = number("flying.pose_physics.brief_slope")
 SLOPE_S = number("flying.pose_physics.slope_s")
 CLIMB_M_S = number("flying.pose_physics.climb_m_s")
+TILT_DEG = number("flying.pose_physics.tilt_deg")
+TILT_S = number("flying.pose_physics.tilt_s")
+TILT_LASTS_S = number("flying.pose_physics.tilt_lasts_s")
+TILT_OVER_S = number("flying.pose_physics.tilt_over_s")
 CLIMB_S = 1.0
 """Time over which a climb is looked for; a bias of the accelerometer of 0.02 g makes 0.2 m/s of it."""
 TURN_S = 0.1
@@ -47,7 +52,9 @@ class PosePhysics:
         self._off: deque[tuple[float, np.ndarray]] = deque()
         self._turns: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
         self._sums: deque[tuple[float, float, float]] = deque()
-        self._bad_s = 0.0
+        self._bad_s = self._tilted_s = 0.0
+        self._turned, self._turned_deg = np.array([0.0, 0.0, 0.0, 1.0]), 0.0
+        self._tilts: deque[tuple[float, np.ndarray, np.ndarray, float]] = deque()
         self._climb: deque[tuple[float, float]] = deque()
 
     def check(self, believed: Believed | None, values: Mapping[str, float], logged_s: Mapping[str, float],
@@ -66,7 +73,10 @@ class PosePhysics:
         gyro = np.radians([values[name] for name in IMU[3:]])
         self._imu_m_s = self._imu_m_s + step * (so3.rotate(believed.quaternion, acc) - [0.0, 0.0, GRAVITY_M_S2])
         self._imu_turn = self._imu_turn + step * gyro
-        return self._velocity(believed, host_s, step) or self._rotation(believed, host_s)
+        self._turned = so3.multiply(self._turned, so3.exp(step * gyro))
+        self._turned_deg += step * float(np.degrees(np.linalg.norm(gyro[:2])))
+        return (self._velocity(believed, host_s, step) or self._rotation(believed, host_s)
+                or self._tilt(believed, host_s, step))
 
     def climb(self, now_s: float) -> str:
         """For a vehicle that the poses show on the ground during take-off: whether the accelerometer shows a climb."""
@@ -88,6 +98,22 @@ class PosePhysics:
         if self._bad_s < LASTS_S:
             return ""
         return f"the velocity of the poses changed by {apart:.1f} m/s more than the accelerometer measured"
+
+    def _tilt(self, believed: Believed, now_s: float, step_s: float) -> str:
+        self._tilts.append((now_s, believed.quaternion, self._turned, self._turned_deg))
+        if now_s - self._tilts[0][0] < TILT_OVER_S:
+            return ""
+        while now_s - self._tilts[0][0] > TILT_OVER_S + 1e-6 and now_s - self._tilts[1][0] >= TILT_OVER_S - 1e-6:
+            self._tilts.popleft()
+        then_s, before, turned, turned_deg = self._tilts[0]
+        shown = so3.multiply(before, so3.multiply(so3.conjugate(turned), self._turned))
+        off = so3.log(so3.multiply(so3.conjugate(shown), believed.quaternion))
+        apart = float(np.degrees(np.linalg.norm(off[:2])))
+        most = TILT_DEG + TILT_S * (self._turned_deg - turned_deg) / (now_s - then_s)
+        self._tilted_s = self._tilted_s + step_s if apart > most else 0.0
+        if self._tilted_s < TILT_LASTS_S:
+            return ""
+        return f"the poses tilt by {apart:.0f} deg less or more than the gyro in {now_s - then_s:.1f} s"
 
     def _rotation(self, believed: Believed, now_s: float) -> str:
         self._turns.append((now_s, believed.quaternion, self._imu_turn))

@@ -8,6 +8,7 @@ high-level commander is not under that watchdog.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,7 +29,7 @@ planner that lands refuses a repetition. If set-points end before it knows of th
 ANSWER_S, UNANSWERED_S = 0.15, 1.2
 """Maximum wait for the planner's answer to one command to land, without set-points, which would end the planner's work.
 Then the vehicle is held and commanded again. A planner that has not answered for UNANSWERED_S is not used."""
-UNHEARD_S, SUNK_M, SINKS_M_S = 1.5, 0.03, 0.05
+UNHEARD_S, SUNK_M, SINKS_M_S = 1.5, 0.05, 0.1
 """A vehicle that has not begun to sink by then is not landing, and its watchdog stops its motors half a second later.
 A planner's landing from 3 m has sunk by 7 cm; one that is given over from velocities may rise a little before."""
 FALLS_M_S = 1.8
@@ -78,17 +79,18 @@ def land(link: Link, clock: Clock, ground_m: float, from_m: float, seen: Callabl
     instead."""
     first = seen()
     lasts = lasts_s(ground_m, from_m, blind=first is None)
-    if first is not None and link.planner_answers and not _answered(link, clock, ground_m, lasts, first, tick):
-        _lower(link, clock, seen() or first, ground_m, seen, tick)
+    answers = first is not None and bool(link.planner_answers)
+    if first is not None and answers and not _answered(link, clock, ground_m, lasts, first, tick):
+        _lower(link, clock, _above(first, seen()), ground_m, seen, tick)
         return f"its planner did not answer the command to land for {UNANSWERED_S:.1f} s"
     begun, sent, tries = clock.now(), -np.inf, 0
     while (since := clock.now() - begun) < lasts + AFTER_S:
         if tries < TRIES and clock.now() - sent > AGAIN_S - 1e-6:
             _tell(link, ground_m, max(lasts - since, SHORTEST_LANDING_S))
             sent, tries = clock.now(), tries + 1
-        why = _not_landing(first, seen(), since, ground_m)
+        why = _not_landing(first, seen(), since, ground_m, judged=not answers or bool(link.alarm))
         if why:
-            _lower(link, clock, seen() or first, ground_m, seen, tick)
+            _lower(link, clock, _above(first, seen()), ground_m, seen, tick)
             return why
         tick()
         clock.sleep_until(clock.now() + EVERY_S)
@@ -113,13 +115,22 @@ def _answered(link: Link, clock: Clock, ground_m: float, lasts: float, first: Be
     return False
 
 
-def _not_landing(first: Believed | None, now: Believed | None, since_s: float, ground_m: float) -> str:
+def _above(first: Believed | None, now: Believed | None) -> Believed | None:
+    """Over the place where the landing began, as high as now: a vehicle in wind drifts while its loops take over."""
+    if first is None or now is None:
+        return first or now
+    return replace(now, position_m=np.array([*first.position_m[:2], now.position_m[2]]))
+
+
+def _not_landing(first: Believed | None, now: Believed | None, since_s: float, ground_m: float, judged: bool) -> str:
+    """``judged``: whether a vehicle that does not sink does not land. A planner that answered may let it rise first.
+    If the end of set-points is lost, the vehicle reports on its console that it levels out."""
     if first is None or now is None or now.position_m[2] < ground_m + 2.0 * LANDED_M:
         return ""
     if now.velocity_m_s[2] < -FALLS_M_S:
         return f"commanded to land it fell with {-now.velocity_m_s[2]:.1f} m/s"
     sinks = now.position_m[2] < first.position_m[2] - SUNK_M or now.velocity_m_s[2] < -SINKS_M_S
-    if UNHEARD_S < since_s < UNHEARD_S + 2.0 * EVERY_S and not sinks:
+    if judged and UNHEARD_S < since_s < UNHEARD_S + 2.0 * EVERY_S and not sinks:
         return f"commanded to land it did not sink for {UNHEARD_S:.1f} s"
     return ""
 
