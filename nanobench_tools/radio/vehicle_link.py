@@ -57,7 +57,7 @@ LogSink = Callable[[int, float, bytes], None]
 
 class Link(Protocol):
     """``uri``; ``lost``: why the link is gone, "" while it is up; ``heard_s``: host time of the last packet;
-    ``round_trips_s``: the last echoes; ``values``: last value of each logged variable, ``logged_s``: the host time at
+    ``round_trips_s``: the last echoes; ``echoed_s``: when the newest of them was requested; ``values``: last value of each logged variable, ``logged_s``: the host time at
     which it came; ``planner_answers``: command of the high-level commander -> host time and error of its last answer;
     ``alarm``: the first console line that reports a failure, "" without."""
 
@@ -65,6 +65,7 @@ class Link(Protocol):
     lost: str
     heard_s: float
     round_trips_s: deque[float]
+    echoed_s: float
     values: Mapping[str, float]
     logged_s: Mapping[str, float]
     alarm: str
@@ -97,6 +98,7 @@ class CflibLink:
     def __init__(self, uri: str, cache: Path | None, clock: Clock) -> None:
         self.uri, self.lost, self.heard_s, self._clock = uri, "", 0.0, clock
         self.round_trips_s: deque[float] = deque(maxlen=50)
+        self.echoed_s = 0.0
         self._last: dict[str, float] = {}
         self.values: Mapping[str, float] = self._last
         self._came_s: dict[str, float] = {}
@@ -248,6 +250,7 @@ class CflibLink:
             now = self._clock.now()
             requested = struct.unpack("<Bd", bytes(packet.data))[1]
             self.round_trips_s.append(now - requested)
+            self.echoed_s = requested
             if self.on_echo is not None:
                 self.on_echo(now, requested)
 

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from nanobench_tools.radio.fly.pose_gate import PoseGate
+from nanobench_tools.radio.fly.pose_physics import IMU, PosePhysics
+from nanobench_tools.radio.fly.pose_tracker import Believed
 from nanobench_tools.radio.mocap.pose_datagram import Pose, pack, unpack
 
 pytest.importorskip("cflib")
@@ -167,3 +169,13 @@ def test_the_gate_passes_a_flight_and_withholds_a_repeated_pose_and_a_jump():
 def test_a_vehicle_on_the_ground_may_repeat_its_pose():
     found = gate()
     assert all(found.admits(Pose(0.01 * k, np.zeros(3), LEVEL)) for k in range(100))
+
+
+@pytest.mark.parametrize("timely", [True, False])
+def test_poses_that_stay_level_while_the_gyro_turns_are_not_believed_unless_the_log_is_late(timely):
+    physics, level = PosePhysics(), np.array([0.0, 0.0, 0.0, 1.0])
+    values = dict(zip(IMU, (0.0, 0.0, 1.0, 40.0, 0.0, 0.0), strict=True))
+    said = [physics.check(Believed(t, np.zeros(3), np.zeros(3), level, np.zeros(3), t), values, dict.fromkeys(IMU, t),
+                          t, timely) for t in np.arange(0.0, 1.0, 0.01)]
+    assert any("20 deg less or more than the gyro" in text for text in said) == timely
+    assert timely or not any(said)

@@ -41,6 +41,10 @@ class Toy:
         self.packets: list[bytes] = []
         self.at: list[tuple[float, object]] = []
 
+    @property
+    def echoed_s(self) -> float:
+        return self.time_s
+
     # clock
     def now(self) -> float:
         return self.time_s

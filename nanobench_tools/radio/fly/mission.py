@@ -38,6 +38,8 @@ GROUND_M = 0.03
 STILL_S, WRITTEN_S = 4.0, 0.2
 """Maximum wait for motors that do not turn; and for the recording's writer, if the program ends at once."""
 ECHO_S, RECENT_TRIPS = 0.1, 3
+TIMELY_S = 0.25
+"""A log is of now only while echoes that were requested this long ago have come."""
 FALSE_S = 3.0
 """Poses that contradict the IMU may have been false for so long before it is found."""
 PLAIN = 1.3
@@ -187,8 +189,8 @@ class Flight:
         now.health_age_s = health_age_s(link, host)
         now.estimate_fault = self._lost_estimate(self._reckon(host, believed))
         now.astray_m = float(np.linalg.norm(astray(link, believed, host)))
-        now.pose_fault = self._gate.why or now.pose_fault or self._physics.check(believed, link.values, link.logged_s,
-                                                                                 host)
+        now.pose_fault = self._gate.why or now.pose_fault or self._physics.check(
+            believed, link.values, link.logged_s, host, timely=host - link.echoed_s < TIMELY_S)
         now.home_s = lasts_s(self.ground_m, self._height())
         trips = list(link.round_trips_s)[-RECENT_TRIPS:]
         now.trip_s = float(np.median(trips)) if trips else 0.0

@@ -58,8 +58,8 @@ class PosePhysics:
         self._climb: deque[tuple[float, float]] = deque()
 
     def check(self, believed: Believed | None, values: Mapping[str, float], logged_s: Mapping[str, float],
-              host_s: float) -> str:
-        """``values``, ``logged_s``: of the link, g and deg/s."""
+              host_s: float, timely: bool = True) -> str:
+        """``values``, ``logged_s``: of the link, g and deg/s. ``timely``: the log is not known to be late."""
         ages = [host_s - logged_s.get(name, -np.inf) for name in IMU]
         if believed is None or host_s - believed.pose_s > FRESH_S or not max(ages) < FRESH_S:
             self._restart()
@@ -76,7 +76,7 @@ class PosePhysics:
         self._turned = so3.multiply(self._turned, so3.exp(step * gyro))
         self._turned_deg += step * float(np.degrees(np.linalg.norm(gyro[:2])))
         return (self._velocity(believed, host_s, step) or self._rotation(believed, host_s)
-                or self._tilt(believed, host_s, step))
+                or self._tilt(believed, host_s, step, timely))
 
     def climb(self, now_s: float) -> str:
         """For a vehicle that the poses show on the ground during take-off: whether the accelerometer shows a climb."""
@@ -99,7 +99,10 @@ class PosePhysics:
             return ""
         return f"the velocity of the poses changed by {apart:.1f} m/s more than the accelerometer measured"
 
-    def _tilt(self, believed: Believed, now_s: float, step_s: float) -> str:
+    def _tilt(self, believed: Believed, now_s: float, step_s: float, timely: bool) -> str:
+        if not timely:
+            self._tilts.clear()
+            self._tilted_s = 0.0
         self._tilts.append((now_s, believed.quaternion, self._turned, self._turned_deg))
         if now_s - self._tilts[0][0] < TILT_OVER_S:
             return ""
