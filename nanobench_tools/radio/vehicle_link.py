@@ -57,9 +57,10 @@ LogSink = Callable[[int, float, bytes], None]
 
 class Link(Protocol):
     """``uri``; ``lost``: why the link is gone, "" while it is up; ``heard_s``: host time of the last packet;
-    ``round_trips_s``: the last echoes; ``echoed_s``: when the newest of them was requested; ``values``: last value of each logged variable, ``logged_s``: the host time at
-    which it came; ``planner_answers``: command of the high-level commander -> host time and error of its last answer;
-    ``alarm``: the first console line that reports a failure, "" without."""
+    ``round_trips_s``: the last echoes; ``echoed_s``: when the newest of them was requested; ``values``: last value of
+    each logged variable, ``logged_s``: the host time at which it came; ``planner_answers``: command of the high-level
+    commander -> host time and error of its last answer; ``alarm``: the first console line that reports a failure, ""
+    without."""
 
     uri: str
     lost: str
