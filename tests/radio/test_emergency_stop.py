@@ -14,8 +14,9 @@ from toy_vehicle import Notes, Toy
 from nanobench_tools.cli import fly as cli_fly
 from nanobench_tools.cli.main import main
 from nanobench_tools.errors import UsageError
+from nanobench_tools.radio.fly.flight_ending import STOP_S
 from nanobench_tools.radio.fly.keys import space_stops
-from nanobench_tools.radio.fly.mission import STOP_S, Flight
+from nanobench_tools.radio.fly.mission import Flight
 from nanobench_tools.radio.fly.pilot import OnboardPilot
 from nanobench_tools.radio.fly.safety import Limits
 from nanobench_tools.radio.fly.stop_socket import listening, path_of, remove_stale, request_stop

@@ -1,0 +1,133 @@
+"""State of a flight: poses, log and link as one situation per tick, and its phases for those who listen."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..host_clock import Clock
+from ..vehicle_link import Link
+from . import safety
+from .dead_reckoning import DeadReckoning
+from .flight_loop import Pacer
+from .flight_plan import Plan
+from .guardian import Guardian
+from .interrupts import Interrupts
+from .landing_profile import lasts_s
+from .latest_log import astray, health_age_s
+from .outcome import Listener, Outcome
+from .pilot import PERIOD_S
+from .pose_gate import PoseGate
+from .pose_physics import PosePhysics
+from .pose_tracker import Believed, PoseTrack
+from .prepare import Ready
+from .safety import Limits, Situation
+
+ECHO_S, RECENT_TRIPS = 0.1, 3
+TIMELY_S = 0.25
+"""A log is of now only while echoes that were requested this long ago have come."""
+PLAIN = 1.3
+"""Deviation of the vehicle's estimate that ends a flight whose poses are missing, in units of the tolerance."""
+MISSING_S = 0.1
+"""Poses are missing after so long."""
+
+
+class FlightState:
+    """State of one flight of a prepared vehicle."""
+
+    def __init__(self, link: Link, track: PoseTrack, ready: Ready, limits: Limits, clock: Clock,
+                 listeners: tuple[Listener, ...], gate: PoseGate | None) -> None:
+        self.link, self.track, self.limits, self.clock = link, track, limits, clock
+        self.plan: Plan = ready.plan
+        self.ground_m = float(ready.pose.position_m[2])
+        self.rules = safety.rules(limits)
+        self.interrupts = Interrupts()
+        self._gate = gate or PoseGate()
+        self._gate.ground_m = self.ground_m
+        self._physics = PosePhysics()
+        self._reckoning = DeadReckoning(ground_m=self.ground_m, delay_s=ready.delay_s)
+        self._listeners = listeners
+        self._outcome = Outcome()
+        self._now = Situation()
+        self._believed: Believed | None = None
+        self._phase, self._echo_s = "", 0.0
+        self.pacer = Pacer(clock, PERIOD_S)
+        self._guardian: Guardian | None = None
+        self._unbelieved = False
+
+    def _look(self, time_s: float) -> None:
+        """The situation now."""
+        host, link, now = self.clock.now(), self.link, self._now
+        believed = self.track.at(host)
+        self._believed = believed
+        now.time_s = time_s
+        now.pose_age_s = np.inf if believed is None else host - believed.pose_s
+        if believed is not None:
+            now.position_m, now.velocity_m_s = believed.position_m, believed.velocity_m_s
+            now.tilt_rad = believed.tilt_rad
+        now.battery_V = float(link.values.get("pm.vbat", np.nan))
+        now.supervisor = int(link.values.get("supervisor.info", 0))
+        now.silent_s, now.lost = host - link.heard_s, link.lost
+        now.health_age_s = health_age_s(link, host)
+        now.estimate_fault = self._lost_estimate(self._reckon(host, believed))
+        now.astray_m = float(np.linalg.norm(astray(link, believed, host)))
+        now.pose_fault = self._gate.why or now.pose_fault or self._physics.check(
+            believed, link.values, link.logged_s, host, timely=host - link.echoed_s < TIMELY_S)
+        now.home_s = lasts_s(self.ground_m, self._height())
+        trips = list(link.round_trips_s)[-RECENT_TRIPS:]
+        now.trip_s = float(np.median(trips)) if trips else 0.0
+        now.alarm = link.alarm
+        now.late_ticks = self.pacer.beat.late_in_a_row
+        now.interrupted = self.interrupts.requested
+        self._request_echo()
+
+    def _reckon(self, host_s: float, believed: Believed | None) -> str:
+        """Why the vehicle's estimate is not trusted, if poses are missing."""
+        doubted = self._unbelieved or bool(self._gate.why)
+        self._reckoning.update(host_s, None if doubted else believed, self.link.values, self.link.logged_s)
+        return self._reckoning.fault if self._reckoning.blind_s > MISSING_S else ""
+
+    def _lost_estimate(self, fault: str) -> str:
+        """A reason to end a flight, for which a short gap of the poses and an old log are not enough."""
+        return fault if self._reckoning.excess > PLAIN else ""
+
+    def _request_echo(self) -> None:
+        """Keeps the link's round trips coming."""
+        if self.clock.now() >= self._echo_s:
+            self._echo_s = self.clock.now() + ECHO_S
+            self.link.request_echo()
+
+    def _report(self, time_s: float, commanded_m: np.ndarray | None, yaw_rad: float = 0.0) -> None:
+        for listener in self._listeners:
+            listener.tick(time_s, self._phase, self._believed, commanded_m, yaw_rad)
+
+    def _enter(self, phase: str, host_s: float) -> None:
+        self._phase = phase
+        self._outcome.phases.append((phase, host_s))
+        self._note(phase)
+
+    def _note(self, text: str) -> None:
+        for listener in self._listeners:
+            listener.note(text)
+
+    def _height(self) -> float:
+        return self.ground_m if self._believed is None else float(self._believed.position_m[2])
+
+    def _seen(self) -> Believed | None:
+        """Where it is, if poses come that are believed."""
+        if self._unbelieved:
+            return None
+        now = self.clock.now()
+        believed = self.track.at(now)
+        return None if believed is None or now - believed.pose_s > self.limits.stale_s else believed
+
+    def _own(self, place_m: np.ndarray) -> np.ndarray:
+        """A place in the belief of the vehicle, as far as it is known."""
+        off = astray(self.link, self._seen(), self.clock.now())
+        return place_m + (off if np.isfinite(off).all() else 0.0)
+
+    def _alive(self) -> None:
+        if self._guardian is not None:
+            self._guardian.alive()
+
+    def _taken(self) -> bool:
+        return self._guardian is not None and self._guardian.taken
