@@ -38,6 +38,8 @@ EMERGENCY_STOP = 3
 """On the localization port: the motors stop, and the vehicle is locked until it is switched off and on."""
 FLYING = 1 << 4
 """Bit of ``supervisor.info``: set until two seconds after the motors. Closing a link before would lock the vehicle."""
+TICKS_S = 2**24 / 1000.0
+"""The tick of a log packet begins anew after so long."""
 ECHO_MARK = 1
 """First byte of our echoes; cflib's have 0."""
 
@@ -58,7 +60,8 @@ LogSink = Callable[[int, float, bytes], None]
 class Link(Protocol):
     """``uri``; ``lost``: why the link is gone, "" while it is up; ``heard_s``: host time of the last packet;
     ``round_trips_s``: the last echoes; ``echoed_s``: when the newest of them was requested; ``values``: last value of
-    each logged variable, ``logged_s``: the host time at which it came; ``planner_answers``: command of the high-level
+    each logged variable, ``logged_s``: the host time at which it came; ``log_late_s``: by how much later than the
+    fastest the newest log packet came, by the vehicle's clock; ``planner_answers``: command of the high-level
     commander -> host time and error of its last answer; ``alarm``: the first console line that reports a failure, ""
     without."""
 
@@ -67,6 +70,7 @@ class Link(Protocol):
     heard_s: float
     round_trips_s: deque[float]
     echoed_s: float
+    log_late_s: float
     values: Mapping[str, float]
     logged_s: Mapping[str, float]
     alarm: str
@@ -99,7 +103,8 @@ class CflibLink:
     def __init__(self, uri: str, cache: Path | None, clock: Clock) -> None:
         self.uri, self.lost, self.heard_s, self._clock = uri, "", 0.0, clock
         self.round_trips_s: deque[float] = deque(maxlen=50)
-        self.echoed_s = 0.0
+        self.echoed_s = self.log_late_s = 0.0
+        self._fastest_s = np.inf
         self._last: dict[str, float] = {}
         self.values: Mapping[str, float] = self._last
         self._came_s: dict[str, float] = {}
@@ -236,10 +241,18 @@ class CflibLink:
             return
         if self.on_log is not None:
             self.on_log(number, now, data[1:])
+        self._note_late(now - int.from_bytes(data[1:4], "little") / 1000.0)
         layout, block = self._layouts[number], self.blocks[number]
         if len(data) == 4 + layout.size:
             self._last.update(zip(block.variables, layout.unpack_from(data, 4), strict=True))
             self._came_s.update(dict.fromkeys(block.variables, now))
+
+    def _note_late(self, offset_s: float) -> None:
+        """``offset_s``: of the host's clock to the tick of a log packet. Ticks have 24 bits."""
+        if abs(offset_s - self._fastest_s) > TICKS_S / 2.0:  # the first one, or the ticks began anew
+            self._fastest_s = offset_s
+        self._fastest_s = min(self._fastest_s, offset_s)
+        self.log_late_s = offset_s - self._fastest_s
 
     # -- what is seen of the link
 

@@ -108,6 +108,7 @@ def late(toy: Toy) -> OnboardPilot:
     slow_case("supervisor", lambda toy: toy.values.update({"supervisor.info": 1 << 7})),
     ("console", lambda toy: setattr(toy, "alarm", "ESTKALMAN: State out of bounds, resetting")),
     ("slow link", lambda toy: toy.round_trips_s.extend([0.4] * 10)),
+    slow_case("slow link", lambda toy: setattr(toy, "log_late_s", 0.3)),
     slow_case("silent log", lambda toy: setattr(toy, "unlogged", True)),
 ])
 def test_a_fault_of_the_vehicle_its_link_or_the_poses_ends_the_flight_on_the_ground(rule, fault):

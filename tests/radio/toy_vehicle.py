@@ -31,7 +31,7 @@ class Toy:
         self.motors = self.landing = False
         self.told: list[tuple[float, str]] = []
         self.lost, self.heard_s, self.mute, self.blind = "", self.time_s, False, False
-        self.deaf, self.alarm, self.planner_answers = False, "", {}
+        self.deaf, self.alarm, self.planner_answers, self.log_late_s = False, "", {}, 0.0
         self.unlogged, self.astray_m = False, np.zeros(3)
         self.round_trips_s: deque[float] = deque([0.002] * 10, maxlen=50)
         self.values = {"pm.vbat": 3.9, "supervisor.info": 0b1011}

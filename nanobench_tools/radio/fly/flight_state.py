@@ -23,8 +23,8 @@ from .prepare import Ready
 from .safety import Limits, Situation
 
 ECHO_S, RECENT_TRIPS = 0.1, 3
-TIMELY_S = 0.25
-"""A log is of now only while echoes that were requested this long ago have come."""
+TIMELY_S, LATE_S = 0.25, 0.1
+"""A log is of now only while echoes that were requested this long ago have come, and it is not later than this."""
 PLAIN = 1.3
 """Deviation of the vehicle's estimate that ends a flight whose poses are missing, in units of the tolerance."""
 MISSING_S = 0.1
@@ -70,11 +70,12 @@ class FlightState:
         now.health_age_s = health_age_s(link, host)
         now.estimate_fault = self._lost_estimate(self._reckon(host, believed))
         now.astray_m = float(np.linalg.norm(astray(link, believed, host)))
-        now.pose_fault = self._gate.why or now.pose_fault or self._physics.check(
-            believed, link.values, link.logged_s, host, timely=host - link.echoed_s < TIMELY_S)
+        timely = host - link.echoed_s < TIMELY_S and link.log_late_s < LATE_S
+        now.pose_fault = self._gate.why or now.pose_fault or self._physics.check(believed, link.values, link.logged_s,
+                                                                                 host, timely)
         now.home_s = lasts_s(self.ground_m, self._height())
         trips = list(link.round_trips_s)[-RECENT_TRIPS:]
-        now.trip_s = float(np.median(trips)) if trips else 0.0
+        now.trip_s = max(float(np.median(trips)) if trips else 0.0, link.log_late_s)
         now.alarm = link.alarm
         now.late_ticks = self.pacer.beat.late_in_a_row
         now.interrupted = self.interrupts.requested

@@ -34,7 +34,8 @@ class Situation:
     - below_m: height below the set-point, 0 above it.
     - health_age_s: since the last battery or supervisor value.
     - pose_fault: why the poses are not believed, in words.
-    - home_s: time that landing from here takes; trip_s: median of the last round trips of the link.
+    - home_s: time that landing from here takes.
+    - trip_s: median of the last round trips of the link, or the delay of the log if that is longer.
     - alarm: console line of the vehicle that reports a failure.
     - estimate_fault: why the vehicle's estimate is not trusted, in words; only without poses.
     - astray_m: between the vehicle's own estimate and the poses, nan if unknown."""
@@ -184,7 +185,8 @@ class HardFence:
 
 
 class SlowLink:
-    """Round trips are slow for FOR_S: set-points come late, and a landing may be needed while it still works."""
+    """Round trips are slow, or the log comes late, for FOR_S. Set-points come late then, too. A landing may be needed
+    while the link still works."""
 
     name = "slow link"
     MOST_S, FOR_S = 0.25, 0.4
@@ -195,7 +197,7 @@ class SlowLink:
     def check(self, now: Situation) -> str:
         step, self._time_s = max(now.time_s - self._time_s, 0.0), now.time_s
         self._slow_s = self._slow_s + step if now.trip_s > self.MOST_S else 0.0
-        return f"round trips take {1000.0 * now.trip_s:.0f} ms" if self._slow_s > self.FOR_S else ""
+        return f"packets take {1000.0 * now.trip_s:.0f} ms" if self._slow_s > self.FOR_S else ""
 
 
 class ConsoleAlarm:
