@@ -32,6 +32,8 @@ CERTAIN_T = number("audit.axis_unit_matching.certain_t")
 FACTOR = number("audit.axis_unit_matching.factor")
 HORIZONTAL = (("x", "y", "z"), ("vx", "vy", "vz"), ("ax", "ay", "az"))
 """Quantities in a world whose heading is anyone's choice: its origin and heading are no fault."""
+ALONE = 0.7
+"""Least correlation of an axis in another unit than the others; a requested attitude is not always followed."""
 QUARTER_RAD = number("audit.axis_unit_matching.quarter_rad")
 FACTOR_WITHIN = number("audit.axis_unit_matching.factor_within")
 CLEARLY = number("audit.axis_unit_matching.clearly")
@@ -66,18 +68,34 @@ class AxisUnitMatch:
         )
 
     @property
+    def scaled(self) -> tuple[tuple[tuple[int, ...], NamedFactor], ...]:
+        """Axes beyond FACTOR of the reference, with their factor by the one that correlates best. Axes that differ by
+        more than FACTOR among themselves are in several units."""
+        groups: list[list[int]] = []
+        for k in sorted((k for k in range(3) if np.isfinite(self.ratio[k])), key=lambda k: self.ratio[k]):
+            if groups and self.ratio[k] < FACTOR * self.ratio[groups[-1][0]]:
+                groups[-1].append(k)
+            else:
+                groups.append([k])
+        if len(groups) == 1:
+            groups = [groups[0] + [k for k in range(3) if k not in groups[0]]]
+        found = []
+        for group in groups:
+            clear = [k for k in group if np.isfinite(self.ratio[k])]
+            best = max(clear, key=lambda k: abs(self.correlation[k]))
+            if len(groups) > 1 and (self.stream == "pid" or abs(self.correlation[best]) < ALONE):
+                continue
+            sizes = np.log([float(np.median([self.ratio[k] for k in clear])), self.ratio[best]])
+            if np.abs(sizes).min() >= np.log(FACTOR):
+                unit = STREAM_QUANTITIES[self.stream][self.quantities[0]][0]
+                found.append((tuple(sorted(group)), named_factor(
+                    unit, self.ratio[best], FACTOR_WITHIN / max(min(abs(self.correlation[best]), 1.0), CLEAR))))
+        return tuple(found)
+
+    @property
     def named(self) -> NamedFactor | None:
-        """Stream / reference, by the axis that correlates best, where that and the median are beyond FACTOR; else
-        None."""
-        clear = [k for k in range(3) if np.isfinite(self.ratio[k])]
-        if not clear:
-            return None
-        best = max(clear, key=lambda k: abs(self.correlation[k]))
-        sizes = np.log([float(np.median([self.ratio[k] for k in clear])), self.ratio[best]])
-        if np.abs(sizes).min() < np.log(FACTOR):
-            return None
-        return named_factor(STREAM_QUANTITIES[self.stream][self.quantities[0]][0], self.ratio[best],
-                            FACTOR_WITHIN / max(min(abs(self.correlation[best]), 1.0), CLEAR))
+        """The factor of the most axes; None where all have their size."""
+        return max(self.scaled, key=lambda entry: len(entry[0]))[1] if self.scaled else None
 
     @property
     def factor(self) -> float:

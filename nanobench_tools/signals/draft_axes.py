@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from itertools import product
+from itertools import permutations, product
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -118,7 +118,12 @@ def _velocity(draft: Draft, values: Mapping[str, np.ndarray], position: tuple[Ke
             draft.unknown[draft.mapped.pop(key).column] = "a velocity in the body frame, which no task uses"
         draft.notes.append("the velocity is in body axes: turned by the attitude it is the rate of the position")
     elif world < OTHER_AXES:
-        draft.ask(velocity, "this is not the rate of the position: in other axes, or of another body?")
+        named = position[0][0] in draft.frames and draft.mapped[velocity[0]].status != "known"
+        mixed = not named and any(far_better(of(v[:, order] * signs), world) for order in permutations(range(3))
+                    for signs in product((1.0, -1.0), repeat=3))
+        draft.ask([*position, *velocity] if mixed else velocity,
+                  "this is not the rate of the position: in other axes, or of another body?" if not mixed else
+                  "the velocity is the rate of the position with other signs or axes; which is wrong?")
 
 
 def _force(draft: Draft, values: Mapping[str, np.ndarray], rotation: Rotation, step_s: float) -> None:
@@ -178,7 +183,9 @@ def _angle_signs(draft: Draft, values: Mapping[str, np.ndarray], step_s: float) 
     if against == [ANGLES.index("pitch")] and found.sign[0] > 0:
         _turn_pitch(draft, "the gyro turns the other way")
     elif against:
-        draft.ask([key for axis in against for key in (("attitude", ANGLES[axis]), ("imu", f"gyro_{'xyz'[axis]}"))],
+        unclear = [axis for axis, sign in enumerate(found.sign) if sign == 0]
+        draft.ask([key for axis in sorted([*against, *unclear])
+                   for key in (("attitude", ANGLES[axis]), ("imu", f"gyro_{'xyz'[axis]}"))],
                   "the gyro turns against the attitude; which is negated? write sign = -1 there"
                   + (', or frame = "FRD" in [streams.imu]' if against == [1, 2] else ""))
 

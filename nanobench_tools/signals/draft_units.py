@@ -29,6 +29,11 @@ GRAVITY_WITHIN = 0.01
 """Calibrated accelerometers show gravity at rest within this share; cm/s^2 and counts of 1/1024 g differ by 2 %."""
 COUNTS_WITHIN = 1.03
 """Factor within which a gyro in mrad/s turns as the attitude; counts of 1/16.4 deg/s differ by 1.06."""
+OF_ONE_UNIT = 35.0
+"""Factor between the turning about two axes beyond which they are in two units. Real flights reach 18; deg and rad
+differ by 57."""
+LEAST_TILT_DEG = 1.0
+"""A vehicle that flies tilts further at some time."""
 MOST_TURNS = 4
 """Turns of a yaw in rad that was unwrapped, at most; a larger number is in degrees."""
 
@@ -239,6 +244,9 @@ def _quaternion(draft: Draft, stream: str, values: Mapping[str, np.ndarray], tim
 
 def _angles(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
     keys = draft.columns("attitude", ("roll", "pitch", "yaw"))
+    if _of_several_units(draft, keys, values):
+        draft.ask(keys, "they turn by amounts of different size: are they all in one unit? write the unit of each")
+        return
     still = draft.open(keys)
     if keys and not still and float(np.nanquantile(np.abs(draft.si(keys, values)), 0.999)) > 4.0 * np.pi:
         draft.ask(keys, "angles of more than two turns; which unit is it? write the unit of each")
@@ -252,6 +260,30 @@ def _angles(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
         draft.set_unit(still, "deg", f"they reach {top:.3g}")
     elif top > 0.5 * np.pi:
         draft.ask(still, f"they reach {top:.3g}: rad or deg? write unit = \"rad\" or \"deg\" at each")
+
+
+def _of_several_units(draft: Draft, keys: list[Key], values: Mapping[str, np.ndarray]) -> bool:
+    """Whether steps of roll, pitch and yaw from row to row, or rates about x, y and z, differ by more than a flight
+    explains. About z a vehicle turns by less, down to nothing, but not by far more."""
+    if len(keys) < 2 or not draft.open(keys):
+        return False
+    si = draft.si(keys, values)
+    size = np.sqrt(np.nanmean(np.diff(so3.wrap_angle(si) if keys[0][0] == "attitude" and (
+        np.nanmax(np.abs(si)) < 2.0 * np.pi) else si, axis=0) ** 2, axis=0))
+    about = {key[1][-1] if key[0] == "imu" else {"roll": "x", "pitch": "y", "yaw": "z"}[key[1]]: float(v)
+             for key, v in zip(keys, size, strict=True)}
+    across = [about[a] for a in "xy" if about.get(a, 0.0) > 0.0]
+    if len(across) == 2 and max(across) > OF_ONE_UNIT * min(across):
+        return True
+    return bool(across) and about.get("z", 0.0) > OF_ONE_UNIT * max(across) and (keys[0][0] == "imu" or _tilts_little(
+        draft, keys, values))
+
+
+def _tilts_little(draft: Draft, keys: list[Key], values: Mapping[str, np.ndarray]) -> bool:
+    """Whether roll and pitch, in the unit of a yaw of several turns, stay below what a vehicle flies with."""
+    yaw, tilts = [[k for k in keys if (k[1] == "yaw") == turning] for turning in (True, False)]
+    return bool(np.nanmax(np.abs(draft.si(yaw, values))) > 2.0 * np.pi * MOST_TURNS
+                and np.nanmax(np.abs(draft.si(tilts, values))) < LEAST_TILT_DEG)
 
 
 def _yaw_wanted(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
@@ -304,6 +336,9 @@ def _turning(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarray)
 def _gyro(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarray) -> None:
     keys = draft.columns("imu", ("gyro_x", "gyro_y", "gyro_z"))
     if not keys:
+        return
+    if _of_several_units(draft, keys, values):
+        draft.ask(keys, "they turn at rates of different size: are they all in one unit? write the unit of each")
         return
     factors = {"rad/s": 1.0, "deg/s": factor("deg/s"), "mrad/s": factor("mrad/s"),
                "mdeg/s": factor("mdeg/s")}

@@ -55,7 +55,7 @@ def tracker_scale(context: Context) -> float:
 
 def _alive(context: Context, name: str, quantities: tuple[str, ...]) -> np.ndarray | None:
     stream: Stream | None = context.once(usable_streams).get(name)
-    if stream is None or not all(q in stream.quantities for q in quantities):
+    if stream is None or not quantities or not all(q in stream.quantities for q in quantities):
         return None
     values = stream[quantities][stream.time_s <= context.once(alive_until)[name]]
     values = values[np.isfinite(values).all(axis=1)]

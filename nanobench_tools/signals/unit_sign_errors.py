@@ -19,15 +19,15 @@ def wrong_units(context: Context) -> list[WrongUnit]:
     found += [w for w in context.once(wrong_paths) if not reported & {(w.stream, q) for q in w.quantities}]
     reported = {(w.stream, q) for w in found for q in w.quantities}
     for verdict in context.once(wrong_matches):
-        named = verdict.named
-        if named is None or verdict.quantities == ACC or any((verdict.stream, q) in reported
-                                                                     for q in verdict.quantities):
+        if verdict.quantities == ACC:
             continue
-        found.append(
-            WrongUnit(verdict.stream, verdict.quantities, named.factor,
-                      f"{', '.join(verdict.quantities)} of {verdict.stream} are {named.words} times what the "
-                      f"{against(verdict)} predicts{named.reading}")
-        )
+        for axes, named in verdict.scaled:
+            names = tuple(verdict.quantities[k] for k in axes)
+            if any((verdict.stream, q) in reported for q in names):
+                continue
+            found.append(WrongUnit(verdict.stream, names, named.factor,
+                                   f"{', '.join(names)} of {verdict.stream} {'are' if len(names) > 1 else 'is'} "
+                                   f"{named.words} times what the {against(verdict)} predicts{named.reading}"))
     return found
 
 

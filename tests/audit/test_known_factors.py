@@ -46,3 +46,10 @@ def test_a_factor_of_no_unit_has_an_interval_that_contains_it(crowd):
 
 def test_usual_units_come_before_counts():
     assert list(named_factor("rad/s", 940.0, 1.2).known) == ["thousandths", "counts of 16.4 per deg/s"]
+
+
+def test_one_axis_in_another_unit_is_named_alone(crowd):
+    flight = _read_as_si(crowd.log("star")[0], "imu", ("gyro_y",), DEG)
+    (fault,) = unit.find(flight, Context(flight))
+    assert fault.columns == ("imu_gyro_y",)
+    assert "gyro_y of imu is 57.3 times" in fault.evidence

@@ -16,6 +16,7 @@ import math
 from ...flight import Fault, Flight
 from ...signals.context import Context
 from ...signals.held_poses import POSITION
+from ...signals.own_turning import own_turning
 from ...signals.stream_frames import unexplained, unexplained_gravity
 from ...signals.tilt_heading import mirrored, other_height
 from ...signals.unit_sign_errors import ACC
@@ -23,6 +24,7 @@ from .kind import FaultKind
 from .making import over_stream
 
 KIND = "axis_swap"
+GYRO = ("gyro_x", "gyro_y", "gyro_z")
 
 
 def wrong_axes(context: Context) -> list[tuple[str, tuple[str, ...], str]]:
@@ -37,6 +39,12 @@ def wrong_axes(context: Context) -> list[tuple[str, tuple[str, ...], str]]:
                 if verdict.order[i] != i
             )
             found.append((verdict.stream, moved, seen))
+    own = context.once(own_turning)
+    if own is not None and own.order != (0, 1, 2):
+        places = [i for i in range(3) if own.order[i] != i]
+        seen = ", ".join(f"{GYRO[i]} turns as {'xyz'[own.order[i]]} of the estimated attitude "
+                         f"({own.follows[i, own.order[i]]:+.2f})" for i in places)
+        found.append(("imu", tuple(GYRO[i] for i in places), seen))
     mirror = context.once(mirrored)
     if mirror is not None and mirror.swapped and not any(stream == "mocap" for stream, *_ in found):
         found.append(("mocap", mirror.quantities, "the vehicle speeds up along each as it tilts along the other "

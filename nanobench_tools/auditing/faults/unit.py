@@ -14,7 +14,9 @@ from __future__ import annotations
 
 from ...flight import Fault, Flight
 from ...signals.context import Context
+from ...signals.own_turning import own_turning
 from ...signals.plausible_ranges import FACTOR
+from ...signals.stream_frames import IMU
 from ...signals.unit_sign_errors import wrong_units
 from ...signals.usable_rows import whole_span
 from .kind import FaultKind
@@ -36,6 +38,14 @@ def find(flight: Flight, context: Context) -> list[Fault]:
             faults.append(
                 Fault(KIND, "", wrong.quantities, span.start_s, span.end_s, wrong.factor, "1", wrong.evidence, FACTOR)
             )
+    reported = {column for fault in faults if fault.stream == "imu" for column in fault.columns}
+    own = context.once(own_turning)
+    timed = all("t" not in fault.columns for fault in faults)
+    for axis, named in own.scaled if own is not None and timed else ():
+        fault = over_stream(KIND, flight, "imu", (IMU[0][axis],), named.factor, "1",
+                            f"{IMU[0][axis]} of imu turns {named.words} times as fast as the estimated attitude"
+                            f"{named.reading}; one of them is in another unit", FACTOR)
+        faults += [fault] if not reported & set(fault.columns) else []
     return faults
 
 
