@@ -14,6 +14,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 
 from nanobench_tools import so3
+from nanobench_tools.physics import Model
 from nanobench_tools.settings import count, number
 
 from ..space import Space
@@ -255,10 +256,11 @@ def _logging(found: _Columns, wrench: Wrench, space: Space, effects: Sequence[Ef
     """Add columns of logging artefacts, each with the size of one standard deviation.
 
     Attitude and path, or command and row, belong to different moments. The speed of the rotors lags instead of their
-    thrust. Drag acts at the rotors. Thrust shakes between rows, or has another slope.
+    thrust. Thrust rises and falls equally fast. Drag acts at the rotors. Thrust shakes between rows, or has another
+    slope.
     """
     model = space.model
-    for force, torque in (wrench.speed_lag(model), wrench.drag_at_rotors(model)):
+    for force, torque in (wrench.speed_lag(model), wrench.drag_at_rotors(model), *_equal_lag(wrench, model)):
         found.add(FIXED, force[..., None], torque[..., None])
     turning = np.cross(wrench.of("rate_rad_s", wrench.force_at), made + 9.81 * up)
     found.add(FIXED, DELAY_S * turning[..., None])
@@ -272,3 +274,15 @@ def _logging(found: _Columns, wrench: Wrench, space: Space, effects: Sequence[Ef
     noisy = gain_error(fast, followed, wrench.flight[wrench.force_at])
     for share, column in ((max(SHAKE, noisy), fast), (SHAKE, thrust - thrust.mean())):
         found.add(FIXED, share * _along_z(column[:, None]))
+
+
+def _equal_lag(wrench: Wrench, model: Model) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Effect of one time constant in the place of two. A motor that coasts when its command falls far follows small
+    commands equally fast up and down."""
+    times = model.values_of("motor_lag")
+    up, down = times.get("tau_up_s", 0.0), times.get("tau_down_s", 0.0)
+    if up == down or not up * down:
+        return []
+    equal = dict.fromkeys(("motor_lag.tau_up_s", "motor_lag.tau_down_s"), float(np.sqrt(up * down)))
+    there, here = wrench.model(model.with_parameters(equal)), wrench.model(model)
+    return [(there[0] - here[0], there[1] - here[1])]

@@ -33,6 +33,7 @@ TWINS: dict[str, tuple[str, ...]] = {"com_offset": ("motor_imbalance",), "mass":
                                      "thrust_scale": ("mass",)}
 """Terms that differ in gains of torque only, which no flight shows well enough. In roll and pitch, unequal motors act
 like an offset of the centre of mass, and free flight shows only thrust per mass."""
+LATE = ("motor_lag", "command_delay")
 BEYOND = "its best size lies on a bound of what such a vehicle can have"
 INCLUDES = "the 95 % interval includes the simulator's value"
 SHOWS = 0.3
@@ -110,7 +111,7 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
     discrepancy = unexplained(case, weighing.sizes(best))
     by_term = _by_term(case, posterior)
     kinds = {i: _with_twins(_class_of(weighing, best, i) | _alike(case, weighing.sizes(best), i, discrepancy)
-                            | _of_family(case.effects[i].term, by_term)) for i in best}
+                            | _of_family(case.effects[i].term, by_term) | _between(weighing, i)) for i in best}
     sure = {i: sum(p for s, p in posterior.items()
                    if {evidence.effects[j].term for j in s} & set(kinds[i])) for i in best}
     found = _standing(weighing, tuple(i for i in best if sure[i] >= NAMED), rejected)
@@ -149,23 +150,44 @@ def _certain_of_size(weighing: Weighing) -> tuple[tuple[int, ...], dict[tuple[in
         best = _inside_bounds(weighing, max(posterior, key=lambda s: posterior[s]))
         found = weighing.sizes(best)
         least = min(best, key=lambda i: _certainty(case, i, found), default=None)
-        if least is None or _certainty(case, least, found) > 1.0:
+        why = None if least is None else _uncertain(case, least, found)
+        if least is None or why is None:
             return best, posterior, unsure
         term = case.effects[least].term
-        unsure[term] = f"{INCLUDES}: {_shortest(_sizes(case, least, found))}"
+        unsure[term] = why
         weighing.without.add(term)
 
 
 def _certainty(case: Case, which: int, found: Refined) -> float:
     """Distance between the simulator and an effect of a set, relative to the 95 % limit.
 
-    The smaller one counts: that of its best known parameter, or that of the region of all its directions.
+    The smallest one counts: that of its best known parameter, that of the region of all its directions, or
+    ``_over_error``.
     """
     ends = np.concatenate([[0], np.cumsum([case.effects[i].width for i in found.chosen])])
     mine = slice(*ends[found.chosen.index(which):][:2].astype(int))
     part, covariance = found.step[mine], found.covariance[mine, mine]
     region = np.sqrt(part @ np.linalg.solve(covariance, part) / chi2.ppf(0.95, len(part)))
-    return float(min(region, max(s.share for s in _sizes(case, which, found).values())))
+    alone = max(size.share for size in _sizes(case, which, found).values())
+    return float(min(region, alone, _over_error(case, which, found)))
+
+
+def _over_error(case: Case, which: int, found: Refined) -> float:
+    """Size of an effect far from linear, relative to that by which its term may be off without being a finding. Its
+    evidence is that of slopes where it ends, and such an error is taken where it begins."""
+    if not case.effects[which].far:
+        return float("inf")
+    spike = case.evidence.spike[case.evidence.columns((which,))]
+    return _size_of(case, which, found) / max(float(np.linalg.norm(spike)), 1e-12)
+
+
+def _uncertain(case: Case, which: int, found: Refined) -> str | None:
+    """Why an effect of a set is not certain; None if it is."""
+    if _certainty(case, which, found) > 1.0:
+        return None
+    if _over_error(case, which, found) <= 1.0:
+        return f"{_size_of(case, which, found):.2g} m/s^2, by which any term may be off"
+    return f"{INCLUDES}: {_shortest(_sizes(case, which, found))}"
 
 
 def _standing(weighing: Weighing, chosen: tuple[int, ...], rejected: dict[str, str]) -> Refined:
@@ -173,8 +195,7 @@ def _standing(weighing: Weighing, chosen: tuple[int, ...], rejected: dict[str, s
     large compared with the unexplained force. The others are added to ``rejected`` {term: reason}."""
     case, found = weighing.case, weighing.sizes(chosen)
     while found.chosen:
-        said = {i: f"{INCLUDES}: {_shortest(_sizes(case, i, found))}" for i in found.chosen
-                if _certainty(case, i, found) <= 1.0}
+        said = {i: why for i in found.chosen if (why := _uncertain(case, i, found)) is not None}
         said |= {i: BEYOND for i in found.chosen if i not in said and _on_bound(case, i, found)}
         said = said or _overshadowed(case, found)
         if not said:
@@ -306,6 +327,25 @@ def _of_family(term: str, by_term: Mapping[str, float]) -> dict[str, float]:
     lost = {other: float(np.log(max(by_term[term], 1e-12) / max(by_term.get(other, 0.0), 1e-12)))
             for family in FAMILIES if term in family for other in family - {term}}
     return {other: max(nats, 0.0) for other, nats in lost.items() if nats < ALTERNATIVE}
+
+
+def _between(weighing: Weighing, which: int) -> dict[str, float]:
+    """{term: 0}: the other of two LATE terms, if both together explain more than either.
+
+    Thrust then comes late in a way that is neither a pure lag nor a pure delay. Their evidence compares two shapes
+    that are both wrong, and does not show which of them is missing.
+    """
+    case, term = weighing.case, weighing.case.effects[which].term
+    if term not in LATE:
+        return {}
+    readings = [[i for i, e in enumerate(case.effects) if e.term == t] for t in LATE]
+    if not all(readings):
+        return {}
+    one, other = (max(of, key=lambda i: weighing.sizes((i,)).log) for of in readings)
+    apart = max(weighing.sizes((i,)).log + case.evidence.log_prior((i,)) for i in (one, other))
+    pair = tuple(sorted((one, other)))
+    gained = weighing.sizes(pair).log + case.evidence.log_prior(pair) - apart
+    return dict.fromkeys(set(LATE) - {term}, 0.0) if gained > ALTERNATIVE else {}
 
 
 def _alike(case: Case, found: Refined, which: int, discrepancy: Mapping[str, float]) -> dict[str, float]:

@@ -22,6 +22,8 @@ QUANTILES: tuple[float, ...] = setting("posterior.effects.quantiles")
 """Of the inputs: limits that are tried."""
 FARTHEST = 3.0
 """Multiple of such a size: a secant is not valid beyond, nor on the other side."""
+HALF = 0.5
+"""Of such a size: step by which one parameter moves against the others."""
 STEP = 1e-3
 """Fraction of a parameter's usual size: step for the slope of nearly linear parameters."""
 DISTINCT = 3e-3
@@ -33,7 +35,8 @@ class Effect:
     """One reading of a term: k directions in which its parameters may move, from the simulator's values. ``force`` (N,
     3, k) m/s^2 and ``torque`` (M, 3, k) rad/s^2 per unit of a direction; ``moves`` {flat name: (k,)}: change of the
     parameter per unit; ``lower``, ``upper`` (k,) bounds of a direction. ``map_share``: the direction is the share of
-    another thrust map."""
+    another thrust map. ``far``: it acts far from linearly, and its columns are exact after one unit of the first
+    direction."""
 
     term: str
     force: np.ndarray
@@ -42,6 +45,7 @@ class Effect:
     lower: np.ndarray
     upper: np.ndarray
     map_share: bool = False
+    far: bool = False
 
     @property
     def width(self) -> int:
@@ -168,8 +172,9 @@ def _far(wrench: Wrench, model: Model, term: str, free: np.ndarray, here: Pair,
     """One reading for every size at which the term is tried: the secant from the simulator's value to that size.
 
     If the simulator has the term already, the secants lead to zero and to its value plus each size. A factor moves
-    with the quantity that it multiplies. Each time constant is a direction. Thrust that falls more slowly than it rises
-    is too high wherever commands shake. So a wrong ratio of the two shows in the level of the thrust.
+    with the quantity that it multiplies. Several parameters move together, and each against the others. Thrust that
+    falls more slowly than it rises is too high wherever commands shake. So a wrong ratio of two time constants shows in
+    the level of the thrust.
     """
     found = []
     asked = [int(i) for i in free if _place(model.names[i]) in STARTS or model.names[i].startswith("saturation.")]
@@ -183,28 +188,35 @@ def _far(wrench: Wrench, model: Model, term: str, free: np.ndarray, here: Pair,
         usual = [float(np.atleast_1d(model.slots[i].parameter.typical)[0]) for i in idle]
         groups = [([*asked, *idle], np.array([*size, *usual])) for size in (more if believed else sizes)]
     for indices, to in groups:
-        values = model.values.copy()
-        values[indices] = np.clip(to, model.lower[indices], model.upper[indices])
-        if np.allclose(values, model.values, rtol=0.0, atol=1e-9):
+        by = np.clip(to, model.lower[indices], model.upper[indices]) - model.values[indices]
+        if np.allclose(by, 0.0, rtol=0.0, atol=1e-9):
             continue
-        each = [[i] for i in indices] if len(asked) > 1 else [indices]
-        far = [_to(wrench, model, values, way, here) for way in each]
-        found.append(Effect(term, *_stacked([pair for pair, _, _ in far]),
-                            {model.names[i]: np.array([change.get(i, 0.0) for _, change, _ in far]) for i in indices},
-                            np.zeros(len(far)), np.array([room for _, _, room in far])))
+        each = np.arange(len(indices))
+        ways = [HALF * by * np.where(each == k, 1.0, -1.0) * (each < len(asked))
+                for k in range(min(len(asked), len(indices)) - 1)]
+        room = [(float(bound[i]) - float(model.values[i])) / change for i, change in zip(indices, by, strict=True)
+                if change for bound in (model.lower, model.upper)]
+        whole = _less(wrench.model(model, _with(model, indices, by)), here)
+        pairs = [whole, *(_across(wrench, model, indices, by, way) for way in ways)]
+        wide = np.full(len(ways), 1.0 / HALF)
+        found.append(Effect(term, *_stacked(pairs),
+                            {model.names[i]: np.array([by[k], *(way[k] for way in ways)])
+                             for k, i in enumerate(indices)},
+                            np.array([0.0, *-wide]), np.array([min([FARTHEST, *(r for r in room if r > 0.0)]), *wide]),
+                            far=True))
     return found
 
 
-def _to(wrench: Wrench, model: Model, values: np.ndarray, indices: Sequence[int],
-        here: Pair) -> tuple[Pair, dict[int, float], float]:
-    """The secant from the model's values to others, of some parameters: effect, {parameter: change}, and how many times
-    the change may be made."""
-    there = model.values.copy()
-    there[indices] = values[indices]
-    change = {i: float(there[i] - model.values[i]) for i in indices}
-    room = [(float(bound[i]) - float(model.values[i])) / by for i, by in change.items() if by
-            for bound in (model.lower, model.upper)]
-    return _less(wrench.model(model, there), here), change, min([FARTHEST, *(r for r in room if r > 0.0)])
+def _with(model: Model, indices: Sequence[int], by: np.ndarray) -> np.ndarray:
+    values = model.values.copy()
+    values[indices] += by
+    return values
+
+
+def _across(wrench: Wrench, model: Model, indices: Sequence[int], by: np.ndarray, way: np.ndarray) -> Pair:
+    """Effect of moving parameters by ``way`` (k,), from the middle of a secant ``by`` (k,)."""
+    up, down = (wrench.model(model, _with(model, indices, 0.5 * (by + sign * way))) for sign in (1.0, -1.0))
+    return _less(up, down)
 
 
 def _limits(wrench: Wrench, model: Model, index: int) -> list[float]:
@@ -272,4 +284,4 @@ def _seen(effect: Effect) -> Effect | None:
         return None
     return Effect(effect.term, effect.force[..., keep], effect.torque[..., keep],
                   {n: way[keep] for n, way in effect.moves.items()}, effect.lower[keep], effect.upper[keep],
-                  effect.map_share)
+                  effect.map_share, effect.far)

@@ -186,16 +186,30 @@ class Evidence:
         probable scales."""
         if not chosen:
             return 0.0, np.zeros(0), np.zeros(0)
-        left, over = self.lifted if self.takes_lift(chosen) else (self.rest, 0.0)
+        left, over = self.beside_of(chosen)
+        index = self.columns(chosen)
+        return self.weighed_with(chosen, left[np.ix_(index, index)], left[index, -1], over)
+
+    def beside_of(self, chosen: tuple[int, ...]) -> tuple[np.ndarray, float]:
+        """``rest`` for a set, and the log evidence that no effect has there over no effect in ``rest`` itself."""
+        return self.lifted if self.takes_lift(chosen) else (self.rest, 0.0)
+
+    def weighed_with(self, chosen: tuple[int, ...], among: np.ndarray, along: np.ndarray,
+                     over: float, at: np.ndarray | None = None) -> tuple[float, np.ndarray, np.ndarray]:
+        """``weighed`` of columns with inner products ``among`` (k, k) with each other and ``along`` (k,) with the
+        residual. ``at`` (k,): coefficients that are taken as the most probable ones."""
         index = self.columns(chosen)
         own = np.searchsorted(np.array(chosen), self.owner[index])
         scales = np.array(list(itertools.product(SCALES, repeat=len(chosen))))
         weight = _log_weights(scales)
         slab = np.minimum(scales[:, own], self.room[index])
-        normal = left[np.ix_(index, index)][None] * slab[:, :, None] * slab[:, None, :] + np.eye(len(index))
-        right = slab * left[index, -1]
+        normal = among[None] * slab[:, :, None] * slab[:, None, :] + np.eye(len(index))
+        right = slab * along
         solved = np.linalg.solve(normal, right[..., None])[..., 0]
-        log = 0.5 * np.einsum("ck,ck->c", right, solved) - 0.5 * np.linalg.slogdet(normal)[1] + weight
+        if at is not None:
+            solved = at / slab
+        gained = np.einsum("ck,ck->c", right - 0.5 * np.einsum("ckl,cl->ck", normal, solved), solved)
+        log = gained - 0.5 * np.linalg.slogdet(normal)[1] + weight
         best = int(np.argmax(log))
         coefficients = slab[best] * solved[best]
         total = over + float(np.logaddexp.reduce(log)) + self._within(index, coefficients, slab[best], normal[best])
@@ -238,7 +252,8 @@ class Evidence:
         shape = np.array([t in MAPS and not self.effects[i].map_share
                           for i, t in zip(self.owner, terms, strict=True)]) & np.isfinite(width)
         loose[shape] = width[shape] / RANGE
-        spike = np.sqrt(SPIKE**2 + loose**2 + feigned**2 + levels**2)
+        readings = np.array([sum(e.term == t for e in self.effects) for t in terms])
+        spike = np.sqrt((SPIKE**2 + loose**2 + feigned**2 + levels**2) / readings)
         twins = np.array([t in TWINS for t in terms], bool)
         self.amplitudes[LIFT_OF_ALL] = float(np.max(spike[twins], initial=0.0))
         spike[twins] = 0.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,8 @@ from .set_evidence import TWINS
 
 STEPS, NEAR = 8, 0.1
 """Number of Gauss-Newton steps; fraction of a standard deviation: a shorter step has converged."""
+SHORTER = (1.0, 0.5, 0.25, 0.1)
+"""Shares of a Gauss-Newton step that are tried until the fit improves."""
 WIDE = 3.0
 """Times a size: the least standard deviation of its prior where it is estimated, so that it is not shrunk towards the
 simulator."""
@@ -34,7 +36,8 @@ class Refined:
 
     A fit without some flights starts near that step, at ``at`` (k,). ``across``: ``Case.across`` of the slopes there,
     per m/s^2, with the residual last. ``beyond`` (k,): standard deviations by which the most probable coefficient lies
-    outside its bounds, negative inside.
+    outside its bounds, negative inside. ``log``: log evidence over no effect, of a set of effects
+    that all act far from linearly; 0 of others.
     """
 
     chosen: tuple[int, ...]
@@ -45,6 +48,7 @@ class Refined:
     across: Products | None
     slab: np.ndarray
     beyond: np.ndarray
+    log: float
 
     def without(self, case: Case, flights: Sequence[int]) -> np.ndarray:
         """The step on the other flights."""
@@ -64,17 +68,32 @@ def _solved(case: Case, chosen: tuple[int, ...], across: Products, slab: np.ndar
     return np.asarray(covariance @ (reduced[:-1, -1] + reduced[:-1, :-1] @ at)), covariance
 
 
-def refine(case: Case, chosen: tuple[int, ...]) -> Refined:
+def refine(case: Case, chosen: tuple[int, ...], known: Mapping[int, np.ndarray] | None = None) -> Refined:
     """Slopes are taken again at the values that were found (Gauss-Newton), since lags, limits and the ground act far
-    from linearly."""
+    from linearly. ``known`` {number: its coefficients alone}: start of such effects in sets of several."""
     evidence = case.evidence
     if not chosen:
         return Refined((), np.zeros(0), np.zeros((0, 0)), case.space.model, np.zeros(0), None, np.zeros(0),
-                       np.zeros(0))
+                       np.zeros(0), 0.0)
     _, scaled, slab = evidence.weighed(chosen)
-    slab = np.minimum(np.maximum(slab, WIDE * np.abs(scaled)), evidence.room[evidence.columns(chosen)])
     unit = evidence.unit[evidence.columns(chosen)]
-    step = at = _inside(case, chosen, scaled / unit)
+    far = all(case.effects[i].far for i in chosen)
+    start = np.concatenate([(known or {}).get(i, part) for i, part in parts_of(case, chosen, scaled / unit)])
+    return _from(case, chosen, start, slab, unit, far)
+
+
+def _from(case: Case, chosen: tuple[int, ...], start: np.ndarray, slab: np.ndarray, unit: np.ndarray,
+          far: bool) -> Refined:
+    """Gauss-Newton steps; where ``far``, no longer than the fit improves."""
+    evidence = case.evidence
+    slab = np.minimum(np.maximum(slab, WIDE * np.abs(start) * unit), evidence.room[evidence.columns(chosen)])
+
+    def cost(step: np.ndarray) -> float:
+        left = case.beside(case.across(_left(case, chosen, step)), chosen)
+        return float(left[0, 0] + ((step * unit / slab) ** 2).sum())
+
+    step = _inside(case, chosen, start)
+    least = cost(step) if far else 0.0
     for _ in range(STEPS):
         at = step
         across = case.across(_slopes(case, chosen, at, unit))
@@ -82,12 +101,40 @@ def refine(case: Case, chosen: tuple[int, ...]) -> Refined:
         step = _inside(case, chosen, moved / unit)
         if (np.abs(step - at) * unit < NEAR * np.sqrt(np.diag(covariance))).all():
             break
+        if far:
+            share, least = _shortened(cost, at, step, least)
+            if share < 1.0:
+                step = at + share * (step - at)
+                moved = step * unit
+            if share == 0.0:
+                break
+    log = _log_evidence(case, chosen, across, at * unit) if far else 0.0
     scatter = np.array([evidence.amplitudes[LIFT_OF_ALL] * (case.effects[i].term in TWINS)
                         for i in chosen for _ in range(case.effects[i].width)])
     covariance = covariance + np.diag(scatter**2)
     covariance = covariance / unit[:, None] / unit
     step, beyond = _expected(case, chosen, moved / unit, covariance)
-    return Refined(chosen, step, covariance, moved_by(case, chosen, step), at, across, slab, beyond)
+    return Refined(chosen, step, covariance, moved_by(case, chosen, step), at, across, slab, beyond, log)
+
+
+def _shortened(cost: Callable[[np.ndarray], float], at: np.ndarray, to: np.ndarray,
+               least: float) -> tuple[float, float]:
+    """Largest share of a step that costs less than ``least``, and its cost; no step otherwise."""
+    for share in SHORTER:
+        reached = cost(at + share * (to - at))
+        if reached < least:
+            return share, reached
+    return 0.0, least
+
+
+def _log_evidence(case: Case, chosen: tuple[int, ...], across: Products, at: np.ndarray) -> float:
+    """As ``Evidence.weighed``, with the residual and slopes at coefficients ``at`` (k,), and no step from there."""
+    reduced = case.beside(across, chosen)
+    left, over = case.evidence.beside_of(chosen)
+    among, along = reduced[:-1, :-1], reduced[:-1, -1] + reduced[:-1, :-1] @ at
+    before = reduced[-1, -1] + 2.0 * float(at @ reduced[:-1, -1]) + float(at @ among @ at)
+    over += 0.5 * float(left[-1, -1] - before)
+    return case.evidence.weighed_with(chosen, among, along, over, at)[0]
 
 
 def _bounds(case: Case, chosen: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
@@ -133,22 +180,29 @@ def _slopes(case: Case, chosen: tuple[int, ...], step: np.ndarray, unit: np.ndar
     """k + 1 columns: effect of the directions at a step, per m/s^2, and the residual there."""
     wrench = case.wrench
     here = wrench.model(moved_by(case, chosen, step))
-    force, torque = (m - h for m, h in zip(wrench.measured, here, strict=True))
     columns, at = [], 0
-    for i, part in parts_of(case, chosen, step):
+    for i in chosen:
         effect = case.effects[i]
         for k in range(effect.width):
             if effect.map_share:
                 pair = effect.force[..., k], effect.torque[..., k]
-                force, torque = force - pair[0] * part[k], torque - pair[1] * part[k]
             else:
                 by = _small(effect.lower[k], effect.upper[k], step[at])
                 there = wrench.model(moved_by(case, chosen, step + by * (np.arange(len(step)) == at)))
                 pair = (there[0] - here[0]) / by, (there[1] - here[1]) / by
             columns.append((pair[0], balanced(wrench, effect.term, pair[1])))
             at += 1
-    return case.rows.of(np.stack([*(c[0] / u for c, u in zip(columns, unit, strict=True)), force], -1),
-                        np.stack([*(c[1] / u for c, u in zip(columns, unit, strict=True)), torque], -1))
+    return case.rows.of(*(np.stack([c[k] / u for c, u in zip(columns, unit, strict=True)], -1) for k in range(2))
+                        ) + _left(case, chosen, step)
+
+
+def _left(case: Case, chosen: tuple[int, ...], step: np.ndarray) -> Seen:
+    """The residual at a step."""
+    left = case.wrench.residual(moved_by(case, chosen, step))
+    for i, part in parts_of(case, chosen, step):
+        if case.effects[i].map_share:
+            left = left[0] - case.effects[i].force @ part, left[1] - case.effects[i].torque @ part
+    return case.rows.of(left[0][..., None], left[1][..., None])
 
 
 def _small(lower: float, upper: float, at: float) -> float:

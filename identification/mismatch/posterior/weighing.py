@@ -36,11 +36,13 @@ class Weighing:
     without: set[str] = field(default_factory=set)
     """Terms whose sets have no probability."""
     _sizes: dict[Chosen, Refined] = field(default_factory=dict)
+    _gained: dict[int, float] = field(default_factory=dict)
 
     def sizes(self, chosen: Chosen) -> Refined:
         """Kept."""
         if chosen not in self._sizes:
-            self._sizes[chosen] = refine(self.case, chosen)
+            alone = {i: self.sizes((i,)).step for i in chosen if len(chosen) > 1 and self.case.effects[i].far}
+            self._sizes[chosen] = refine(self.case, chosen, alone)
         return self._sizes[chosen]
 
     def predict(self, chosen: Chosen) -> float:
@@ -55,13 +57,25 @@ class Weighing:
         if told is None:
             parts = [self.told.get(part, 0.0) for part in self._parts(chosen)]
             told = max(0.0, *parts) + min(0.0, *parts)
-        return self.case.evidence.score(chosen) + told
+        return self.evidence(chosen) + told
+
+    def evidence(self, chosen: Chosen) -> float:
+        """Log of prior times evidence. An effect that acts far from linearly adds what its evidence alone gains by
+        slopes taken where it ends."""
+        far = [i for i in chosen if self.case.effects[i].far]
+        return self.case.evidence.score(chosen) + sum(self._bent(i) for i in far)
+
+    def _bent(self, effect: int) -> float:
+        """Log evidence that an effect alone gains by slopes where it ends."""
+        if effect not in self._gained:
+            self._gained[effect] = self.sizes((effect,)).log - self.case.evidence.weighed((effect,))[0]
+        return self._gained[effect]
 
     def _at_best(self, chosen: Chosen) -> float:
         """``score`` if the gains of all effects added up; a part of several that was predicted counts as it was."""
         parts = [part for part in self._parts(chosen) if len(part) > 1]
         bound = [self.told[part] + self._gains(set(chosen) - set(part)) for part in parts]
-        return self.case.evidence.score(chosen) + min([self._gains(chosen), *bound])
+        return self.evidence(chosen) + min([self._gains(chosen), *bound])
 
     def _gains(self, effects: Iterable[int]) -> float:
         return sum(max(self.told.get((i,), 0.0), 0.0) for i in effects)
@@ -74,7 +88,7 @@ class Weighing:
     def weigh(self) -> dict[Chosen, float]:
         """Probability of every set."""
         effects = self.case.effects
-        known = {chosen: log for chosen, log in self.case.evidence.sets.items()
+        known = {chosen: self.evidence(chosen) for chosen in self.case.evidence.sets
                  if not self.without & {effects[i].term for i in chosen}}
         alone = sorted((s for s in known if len(s) == 1), key=lambda s: known[s])
         for chosen in [(), *{effects[s[0]].term: s for s in alone}.values()]:

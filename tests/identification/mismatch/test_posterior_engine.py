@@ -81,8 +81,8 @@ def test_a_lag_that_is_wrong_in_one_direction_is_sized_in_that_direction(flown):
     slow = MODEL.with_parameters({"motor_lag.tau_down_s": 0.12})
     case, _ = weighed(flown, Wrench(flown.tracks), slow, 0)
     readings = [i for i, e in enumerate(case.effects) if e.term == "motor_lag"]
-    best = max(readings, key=lambda i: case.evidence.score((i,)))
-    sizes = _sizes(case, best, refine(case, (best,)))
+    best = max((refine(case, (i,)) for i in readings), key=lambda found: found.log)
+    sizes = _sizes(case, best.chosen[0], best)
     for name in ("motor_lag.tau_up_s", "motor_lag.tau_down_s"):
         assert abs(sizes[name].value - 0.04) < sizes[name].half
     assert sizes["motor_lag.tau_down_s"].share > 1.0

@@ -16,13 +16,14 @@ from identification.mismatch.memory import runs_of
 from identification.mismatch.page import GOES_WITH
 from identification.mismatch.posterior import decision, set_evidence, weighing
 from identification.mismatch.posterior.arm_unit import arms
-from identification.mismatch.posterior.background import FIXED, LIFT_OF_ALL, Background, _beside, fourier
+from identification.mismatch.posterior.background import FIXED, LIFT_OF_ALL, Background, _beside, _equal_lag, fourier
 from identification.mismatch.posterior.build import _seen
 from identification.mismatch.posterior.effects import Effect, effects_of, within_reach
 from identification.mismatch.posterior.gain_error import gain_error
 from identification.mismatch.posterior.left_out_flights import _as_sessions_differ, _calmed, _lift_gain
 from identification.mismatch.posterior.rows import Rows, Seen, _Group, _ridge, instruments, rows_of
 from identification.mismatch.posterior.set_evidence import Evidence
+from identification.mismatch.posterior.sizing import _shortened
 from identification.mismatch.posterior.thrust_exponent import Curve
 from identification.mismatch.space import space_around
 from identification.mismatch.wrench import TORQUE_ROWS, Wrench
@@ -201,11 +202,42 @@ def test_two_effects_that_improve_the_same_prediction_are_not_both_identified(mo
     monkeypatch.setattr(weighing, "PREDICTED", predicted)
     sets = {(): 0.0, (0,): -3.0, (1,): -3.1, (0, 1): -6.0}
     case = SimpleNamespace(evidence=SimpleNamespace(sets=sets, score=sets.__getitem__),
-                           effects=[SimpleNamespace(term=t) for t in ("wind", "com_offset")])
+                           effects=[SimpleNamespace(term=t, far=False) for t in ("wind", "com_offset")])
     monkeypatch.setattr(weighing.Weighing, "sizes", lambda self, chosen: chosen)
     found = weighing.Weighing(case, lambda one, other: 10.0).weigh()
     assert max(found, key=found.get) == (0,)
     assert found[0, 1] == pytest.approx(found[0,] * np.exp(-3.0))
+
+
+def test_an_effect_far_from_linear_counts_with_the_slopes_where_it_ends():
+    """Its secant shows 2 nats, its slopes at the end 15: every set with it gains 13."""
+    sets = {(): 0.0, (0,): -1.0, (1,): -3.0, (0, 1): -2.0}
+    case = SimpleNamespace(evidence=SimpleNamespace(sets=sets, score=sets.__getitem__, weighed=lambda chosen: (2.0,)),
+                           effects=[SimpleNamespace(term=t, far=t == "motor_lag") for t in ("motor_lag", "wind")])
+    weighed = weighing.Weighing(case, lambda one, other: 0.0)
+    weighed._sizes[(0,)] = SimpleNamespace(log=15.0)
+    assert [weighed.evidence(chosen) for chosen in sets] == pytest.approx([0.0, 12.0, -3.0, 11.0])
+
+
+def test_a_step_that_overshoots_is_shortened():
+    """Of x^2 from 1: a step to -3 is worse, half of it ends at the same cost, a quarter at 0; from 0 none is better."""
+    def square(x):
+        return float(x[0] ** 2)
+
+    assert _shortened(square, np.array([1.0]), np.array([-3.0]), 1.0) == (0.25, 0.0)
+    assert _shortened(square, np.array([1.0]), np.array([0.5]), 1.0) == (1.0, 0.25)
+    assert _shortened(square, np.array([0.0]), np.array([1.0]), 0.0) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(("together", "alike"), [(34.0, {"motor_lag": 0.0}), (22.0, {})])
+def test_thrust_that_is_late_as_neither_a_lag_nor_a_delay_is_both(together, alike):
+    """Delay 20 nats, lag 17, each with a prior of -4, and both together more or not."""
+    logs = {(0,): 20.0, (1,): 17.0, (0, 1): together, (2,): 3.0}
+    effects = [SimpleNamespace(term=t) for t in ("command_delay", "motor_lag", "wind")]
+    case = SimpleNamespace(effects=effects, evidence=SimpleNamespace(log_prior=lambda chosen: -4.0 * len(chosen)))
+    weighed = SimpleNamespace(case=case, sizes=lambda chosen: SimpleNamespace(log=logs[chosen]))
+    assert decision._between(weighed, 0) == alike
+    assert decision._between(weighed, 2) == {}
 
 
 def test_an_effect_that_predicts_worse_spoils_every_set_with_it(monkeypatch):
@@ -214,7 +246,7 @@ def test_an_effect_that_predicts_worse_spoils_every_set_with_it(monkeypatch):
     monkeypatch.setattr(weighing, "PREDICTED", 0)
     sets = {(): 0.0, (0,): -3.0, (1,): 8.0, (0, 1): 9.0}
     case = SimpleNamespace(evidence=SimpleNamespace(sets=sets, score=sets.__getitem__),
-                           effects=[SimpleNamespace(term=t) for t in ("command_delay", "force_world")])
+                           effects=[SimpleNamespace(term=t, far=False) for t in ("command_delay", "force_world")])
     monkeypatch.setattr(weighing.Weighing, "sizes", lambda self, chosen: chosen)
     weighed = weighing.Weighing(case, lambda one, other: {(0,): 2.0, (1,): -30.0}[one])
     found = weighed.weigh()
@@ -227,7 +259,7 @@ def test_an_effect_that_only_predictions_speak_for_gives_way(monkeypatch):
     monkeypatch.setattr(weighing, "PREDICTED", 0)
     sets = {(): 0.0, (0,): -3.0, (1,): -3.0, (0, 1): -6.0}
     case = SimpleNamespace(evidence=SimpleNamespace(sets=sets, score=sets.__getitem__),
-                           effects=[SimpleNamespace(term=t) for t in ("wind", "drag_linear")])
+                           effects=[SimpleNamespace(term=t, far=False) for t in ("wind", "drag_linear")])
     monkeypatch.setattr(weighing.Weighing, "sizes", lambda self, chosen: chosen)
     monkeypatch.setattr(decision, "_inside_bounds", lambda weighed, best: best)
     sizes = decision.Size(0.0, 0.1, 0.5, "m/s"), decision.Size(0.0, 0.015, 0.004, "N s/m")
@@ -244,11 +276,20 @@ def test_an_effect_that_only_predictions_speak_for_gives_way(monkeypatch):
 def test_several_directions_have_to_leave_their_common_region(part, certain):
     """Two independent directions of unit error: the 95 % region ends at 2.45, the root of 5.99; one alone at 1.96."""
     model = SimpleNamespace(parameters={"a": 0.0, "b": 0.0}, names=("a", "b"), units=("1", "1"))
-    case = SimpleNamespace(effects=[SimpleNamespace(width=2, map_share=False, term="x",
+    case = SimpleNamespace(effects=[SimpleNamespace(width=2, map_share=False, far=False, term="x",
                                                     moves={"a": np.array([1.0, 0.0]), "b": np.array([0.0, 1.0])})],
                            space=SimpleNamespace(model=model), simulator=SimpleNamespace(parameters={}))
     found = SimpleNamespace(chosen=(0,), step=np.array(part), covariance=np.eye(2), model=model)
     assert (decision._certainty(case, 0, found) > 1.0) == certain
+
+
+@pytest.mark.parametrize(("far", "part", "ratio"), [(True, 0.5, 0.75), (True, 1.0, 1.5), (False, 0.1, np.inf)])
+def test_an_effect_far_from_linear_exceeds_what_its_term_may_be_off(far, part, ratio):
+    """0.3 m/s^2 a unit; the term may be off by 0.2 m/s^2."""
+    evidence = SimpleNamespace(unit=np.array([0.3]), spike=np.array([0.2]), columns=lambda chosen: np.array([0]))
+    case = SimpleNamespace(evidence=evidence, effects=[SimpleNamespace(far=far, width=1)])
+    found = SimpleNamespace(chosen=(0,), step=np.array([part]))
+    assert decision._over_error(case, 0, found) == pytest.approx(ratio)
 
 
 def test_a_wrong_trim_is_no_noise_and_no_gain():
@@ -389,14 +430,29 @@ def test_every_group_of_the_discrepancy_has_words():
 
 
 def test_rising_and_falling_thrust_each_have_their_lag():
-    """Each direction moves one time constant."""
+    """Both time constants move together in the first direction, and against each other in the second."""
     model = MODEL.with_parameters({"motor_lag.tau_down_s": 0.08})
     wrench = wrench_of(MODEL, flights=1, seconds=6.0)
-    found = [e for e in effects_of(wrench, within_reach(wrench, space_around(model)), model) if e.term == "motor_lag"]
+    space = within_reach(wrench, space_around(model))
+    found = [e for e in effects_of(wrench, space, model) if e.term == "motor_lag"]
     assert [e.width for e in found] == [2, 2, 2]
     none = found[0]
-    assert none.moves["motor_lag.tau_up_s"] == pytest.approx([-0.04, 0.0])
-    assert none.moves["motor_lag.tau_down_s"] == pytest.approx([0.0, -0.08])
+    assert none.moves["motor_lag.tau_up_s"] == pytest.approx([-0.04, -0.02])
+    assert none.moves["motor_lag.tau_down_s"] == pytest.approx([-0.08, 0.04])
+    without = space.model.with_parameters({"motor_lag.tau_up_s": 0.0, "motor_lag.tau_down_s": 0.0})
+    for effect, there, here in zip((none.force, none.torque), wrench.model(without), wrench.model(space.model),
+                                   strict=True):
+        assert effect[..., 0] == pytest.approx(there - here, abs=1e-9)  # exact where it ends, however it bends
+
+
+def test_small_commands_may_be_followed_equally_fast_up_and_down():
+    """0.02 and 0.08 s: the background has the effect of 0.04 s twice, where a simulator with one lag needs none."""
+    wrench, model = wrench_of(MODEL, flights=1, seconds=6.0), MODEL.with_parameters(
+        {"motor_lag.tau_up_s": 0.02, "motor_lag.tau_down_s": 0.08})
+    (force, _), = _equal_lag(wrench, model)
+    assert force == pytest.approx(wrench.model(MODEL)[0] - wrench.model(model)[0])  # MODEL has 0.04 s twice
+    assert np.abs(force).max() > 0.0
+    assert _equal_lag(wrench, MODEL) == []
 
 
 def test_every_effect_that_a_simulator_may_lack_is_asked():
