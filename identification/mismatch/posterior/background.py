@@ -277,12 +277,12 @@ def _logging(found: _Columns, wrench: Wrench, space: Space, effects: Sequence[Ef
 
 
 def _equal_lag(wrench: Wrench, model: Model) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Effect of one time constant in the place of two. A motor that coasts when its command falls far follows small
-    commands equally fast up and down."""
+    """Effect of the shorter time constant in the place of both. A motor that coasts when its command falls far is
+    driven up and down by small commands, and follows them equally fast."""
     times = model.values_of("motor_lag")
     up, down = times.get("tau_up_s", 0.0), times.get("tau_down_s", 0.0)
-    if up == down or not up * down:
+    if up == down:
         return []
-    equal = dict.fromkeys(("motor_lag.tau_up_s", "motor_lag.tau_down_s"), float(np.sqrt(up * down)))
+    equal = dict.fromkeys(("motor_lag.tau_up_s", "motor_lag.tau_down_s"), min(up, down))
     there, here = wrench.model(model.with_parameters(equal)), wrench.model(model)
     return [(there[0] - here[0], there[1] - here[1])]
