@@ -277,12 +277,16 @@ def _logging(found: _Columns, wrench: Wrench, space: Space, effects: Sequence[Ef
 
 
 def _equal_lag(wrench: Wrench, model: Model) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Effect of the shorter time constant in the place of both. A motor that coasts when its command falls far is
-    driven up and down by small commands, and follows them equally fast."""
+    """Effects of one time constant in the place of two: of their geometric mean, and of half the way from there to the
+    shorter one.
+
+    A motor that coasts when its command falls far is driven up and down by small commands, and follows them equally
+    fast.
+    """
     times = model.values_of("motor_lag")
     up, down = times.get("tau_up_s", 0.0), times.get("tau_down_s", 0.0)
     if up == down:
         return []
-    equal = dict.fromkeys(("motor_lag.tau_up_s", "motor_lag.tau_down_s"), min(up, down))
-    there, here = wrench.model(model.with_parameters(equal)), wrench.model(model)
-    return [(there[0] - here[0], there[1] - here[1])]
+    here, mean, short = (wrench.model(model.with_parameters({"motor_lag.tau_up_s": u, "motor_lag.tau_down_s": d}))
+                         for u, d in ((up, down), (np.sqrt(up * down),) * 2, (min(up, down),) * 2))
+    return [(mean[0] - here[0], mean[1] - here[1]), (0.5 * (short[0] - mean[0]), 0.5 * (short[1] - mean[1]))]

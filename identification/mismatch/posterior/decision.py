@@ -178,7 +178,8 @@ def _over_error(case: Case, which: int, found: Refined) -> float:
     if not case.effects[which].far:
         return float("inf")
     spike = case.evidence.spike[case.evidence.columns((which,))]
-    return _size_of(case, which, found) / max(float(np.linalg.norm(spike)), 1e-12)
+    readings = sum(e.term == case.effects[which].term for e in case.effects)
+    return _size_of(case, which, found) / max(float(np.sqrt(readings)) * float(np.linalg.norm(spike)), 1e-12)
 
 
 def _uncertain(case: Case, which: int, found: Refined) -> str | None:

@@ -287,7 +287,7 @@ def test_several_directions_have_to_leave_their_common_region(part, certain):
 def test_an_effect_far_from_linear_exceeds_what_its_term_may_be_off(far, part, ratio):
     """0.3 m/s^2 a unit; the term may be off by 0.2 m/s^2."""
     evidence = SimpleNamespace(unit=np.array([0.3]), spike=np.array([0.2]), columns=lambda chosen: np.array([0]))
-    case = SimpleNamespace(evidence=evidence, effects=[SimpleNamespace(far=far, width=1)])
+    case = SimpleNamespace(evidence=evidence, effects=[SimpleNamespace(far=far, width=1, term="motor_lag")])
     found = SimpleNamespace(chosen=(0,), step=np.array([part]))
     assert decision._over_error(case, 0, found) == pytest.approx(ratio)
 
@@ -446,11 +446,15 @@ def test_rising_and_falling_thrust_each_have_their_lag():
 
 
 def test_small_commands_may_be_followed_equally_fast_up_and_down():
-    """0.04 and 0.08 s: the background has the effect of 0.04 s twice, where a simulator with one lag needs none."""
-    wrench, model = wrench_of(MODEL, flights=1, seconds=6.0), MODEL.with_parameters({"motor_lag.tau_down_s": 0.08})
-    (force, _), = _equal_lag(wrench, model)
-    assert force == pytest.approx(wrench.model(MODEL)[0] - wrench.model(model)[0])  # MODEL has 0.04 s twice
-    assert np.abs(force).max() > 0.0
+    """0.02 and 0.08 s: 0.04 s twice, and half the way to 0.02 s. A simulator with one lag needs neither."""
+    wrench, model = wrench_of(MODEL, flights=1, seconds=6.0), MODEL.with_parameters(
+        {"motor_lag.tau_up_s": 0.02, "motor_lag.tau_down_s": 0.08})
+    (mean, _), (short, _) = _equal_lag(wrench, model)
+    forty = wrench.model(MODEL)[0]  # MODEL has 0.04 s twice
+    twenty = wrench.model(MODEL.with_parameters({"motor_lag.tau_up_s": 0.02, "motor_lag.tau_down_s": 0.02}))[0]
+    assert mean == pytest.approx(forty - wrench.model(model)[0])
+    assert short == pytest.approx(0.5 * (twenty - forty))
+    assert min(np.abs(mean).max(), np.abs(short).max()) > 0.0
     assert _equal_lag(wrench, MODEL) == []
 
 
