@@ -75,8 +75,14 @@ class PosePhysics:
         self._imu_turn = self._imu_turn + step * gyro
         self._turned = so3.multiply(self._turned, so3.exp(step * gyro))
         self._turned_deg += step * float(np.degrees(np.linalg.norm(gyro[:2])))
+        if not timely:
+            self._tilts.clear()
+            self._turns.clear()
+            self._sums.clear()
+            self._tilted_s = 0.0
+            return self._velocity(believed, host_s, step)
         return (self._velocity(believed, host_s, step) or self._rotation(believed, host_s)
-                or self._tilt(believed, host_s, step, timely))
+                or self._tilt(believed, host_s, step))
 
     def climb(self, now_s: float) -> str:
         """For a vehicle that the poses show on the ground during take-off: whether the accelerometer shows a climb."""
@@ -99,10 +105,7 @@ class PosePhysics:
             return ""
         return f"the velocity of the poses changed by {apart:.1f} m/s more than the accelerometer measured"
 
-    def _tilt(self, believed: Believed, now_s: float, step_s: float, timely: bool) -> str:
-        if not timely:
-            self._tilts.clear()
-            self._tilted_s = 0.0
+    def _tilt(self, believed: Believed, now_s: float, step_s: float) -> str:
         self._tilts.append((now_s, believed.quaternion, self._turned, self._turned_deg))
         if now_s - self._tilts[0][0] < TILT_OVER_S:
             return ""
