@@ -77,7 +77,7 @@ def odd_axis(context: Context) -> WrongUnit | None:
     axis = int(known[int(np.argmax(away))])
     factor = float(np.exp(sizes[axis] - np.nanmedian(np.delete(sizes, axis))))
     named = named_factor("m", factor, NOISE_WITHIN)
-    return WrongUnit("mocap", (POSITION[axis],), named.factor,
+    return WrongUnit("mocap", (POSITION[axis],), named.factor if len(named.known) == 1 else factor,
                      f"the noise of {POSITION[axis]} is {factor:.3g} times that of the other axes{named.reading}")
 
 
