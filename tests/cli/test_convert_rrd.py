@@ -32,10 +32,11 @@ def flight():
     place = np.column_stack([np.cos(angle), np.sin(angle), risen**3 * (10.0 - 15.0 * risen + 6.0 * risen**2)])
     force = np.gradient(np.gradient(place, t, axis=0), t, axis=0) + gravity_up()
     place += rng.normal(0.0, 1e-5, place.shape)
-    turn = so3.from_euler_zyx(rng.normal(0.0, 1e-4, len(t)), rng.normal(0.0, 1e-4, len(t)), angle)
+    heading = np.interp(t, [2.0, 18.0], 2.0 * np.pi * np.array([0.2, 1.8]))  # nothing turns on the ground
+    turn = so3.from_euler_zyx(rng.normal(0.0, 1e-4, len(t)), rng.normal(0.0, 1e-4, len(t)), heading)
     seen = np.ones(len(t), dtype=bool)
     seen[HIDDEN] = False
-    gyro = np.column_stack([rng.normal(0.0, 0.01, (len(t), 2)), np.full(len(t), 2.0 * np.pi / 10.0)])
+    gyro = np.column_stack([rng.normal(0.0, 0.01, (len(t), 2)), np.gradient(heading, t)])
     gyro[:, 2] += rng.normal(0.0, 0.01, len(t))
     flown = (t > 2.0) & (t < 18.0)
     motors = np.where(flown[:, None], 0.6 + rng.normal(0.0, 0.02, (len(t), 4)), 0.0)
