@@ -377,10 +377,12 @@ def _alike(case: Case, found: Refined, which: int, discrepancy: Mapping[str, flo
 
 def _inside_bounds(weighing: Weighing, best: tuple[int, ...]) -> tuple[int, ...]:
     """The set with another member of the class in the place of an effect that would have to lie on its bound."""
+    case = weighing.case
     for i in best:
-        if _on_bound(weighing.case, i, weighing.sizes(best)):
+        if _on_bound(case, i, weighing.sizes(best)):
             for other, exchanged, _ in sorted(_exchanges(weighing, best, i), key=lambda e: e[2]):
-                if not _on_bound(weighing.case, other, weighing.sizes(exchanged)):
+                if case.effects[other].term not in weighing.without and not _on_bound(case, other,
+                                                                                      weighing.sizes(exchanged)):
                     return exchanged
     return best
 

@@ -272,6 +272,21 @@ def test_an_effect_that_only_predictions_speak_for_gives_way(monkeypatch):
     assert unsure == {"wind": "the 95 % interval includes the simulator's value: x 0.1 +- 0.5 m/s"}
 
 
+def test_an_effect_that_gave_way_does_not_come_back_for_one_on_its_bound(monkeypatch):
+    """The wind is uncertain; the drag, about as probable, would have to lie on its bound."""
+    monkeypatch.setattr(weighing, "PREDICTED", 0)
+    sets = {(): 0.0, (0,): 20.0, (1,): 19.0}
+    case = SimpleNamespace(evidence=SimpleNamespace(sets=sets, score=sets.__getitem__, allowed=lambda chosen: True),
+                           effects=[SimpleNamespace(term=t, far=False) for t in ("wind", "drag_linear")])
+    case.evidence.effects = case.effects
+    monkeypatch.setattr(weighing.Weighing, "sizes", lambda self, chosen: chosen)
+    monkeypatch.setattr(decision, "_on_bound", lambda case, i, found: i == 1)
+    monkeypatch.setattr(decision, "_certainty", lambda case, i, found: float(i))
+    monkeypatch.setattr(decision, "_uncertain", lambda case, i, found: None if i else "uncertain")
+    best, _, unsure = decision._certain_of_size(weighing.Weighing(case, lambda one, other: 0.0))
+    assert (best, unsure) == ((1,), {"wind": "uncertain"})
+
+
 @pytest.mark.parametrize(("part", "certain"), [([2.2, 0.0], False), ([2.6, 0.0], True), ([1.9, 1.9], False)])
 def test_several_directions_have_to_leave_their_common_region(part, certain):
     """Two independent directions of unit error: the 95 % region ends at 2.45, the root of 5.99; one alone at 1.96."""
