@@ -29,6 +29,8 @@ GOOD_FOR: dict[str, tuple[str, str]] = {
     "usd_blocks": ("first uSD log (Crazyswarm)", "audit"),
     "dido": ("DIDO, HDF5", "audit, estimate, noise"),
     "blackbird": ("Blackbird, HDF5", "audit, estimate, noise"),
+    "neurobem": ("NeuroBEM, CSV", "audit"),
+    "neural_fly": ("Neural-Fly, CSV", "audit"),
 }
 """Source -> (what it is, what its recordings are good for)."""
 DATASET_KEYS = ("name", "read", "licence", "size", "get", "use")

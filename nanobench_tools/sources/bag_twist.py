@@ -26,14 +26,14 @@ def twist_in_world(velocity: np.ndarray, messages: Sequence[Any], time_ns: np.nd
     with np.errstate(divide="ignore", invalid="ignore"):
         turned = so3.rotate(turn / np.linalg.norm(turn, axis=1, keepdims=True), velocity)
     place = np.array([[p.position.x, p.position.y, p.position.z] for p in poses], float)
-    as_written, as_defined = (_error_m_s(v, place, 1e-9 * (time_ns - time_ns[0])) for v in (velocity, turned))
+    as_written, as_defined = (error_m_s(v, place, 1e-9 * (time_ns - time_ns[0])) for v in (velocity, turned))
     if as_written * BETTER < as_defined:
         return velocity, ("its velocity is in the world, not in the body: its positions move by it "
                           f"(median error {as_written:.2g} m/s, turned from the body {as_defined:.2g} m/s)")
     return turned, ""
 
 
-def _error_m_s(velocity: np.ndarray, place: np.ndarray, time_s: np.ndarray) -> float:
+def error_m_s(velocity: np.ndarray, place: np.ndarray, time_s: np.ndarray) -> float:
     """Median difference between ``velocity`` and the motion of the path in ``STEP_S``, in its faster half. It is 0
     where the path is too short."""
     step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0

@@ -6,6 +6,7 @@ import pytest
 from asl_samples import members, write_folder
 from foreign_files import FOREIGN
 from test_idsia import columns, text
+from test_neurobem_and_neural_fly import neural_fly, neurobem, table
 from test_usd_blocks import log
 from test_uzhfpv import write
 
@@ -23,7 +24,7 @@ def file_of(source, folder):
         return write(folder / "flight")
     header, blocks = log()
     data = {"idsia": text(columns()), "usd_blocks": header + b"".join(blocks),
-            "tum": FOREIGN["TUM of rpg"].data}.get(source)
+            "tum": FOREIGN["TUM of rpg"].data, "neurobem": table(neurobem()), "neural_fly": neural_fly()}.get(source)
     if data is None:
         hdf5 = pytest.importorskip("test_hdf5")
         data = hdf5.file(**getattr(hdf5, source)())
@@ -31,7 +32,8 @@ def file_of(source, folder):
     return folder / "a"
 
 
-@pytest.mark.parametrize("source", ["euroc", "uzhfpv", "idsia", "usd_blocks", "tum", "dido", "blackbird"])
+@pytest.mark.parametrize("source", ["euroc", "uzhfpv", "idsia", "usd_blocks", "tum", "dido", "blackbird", "neurobem",
+                                    "neural_fly"])
 def test_contents_are_those_of_a_file_of_the_source(source, tmp_path):
     (flight,) = load_recordings([file_of(source, tmp_path)], cache=False).flights
     assert flight.provenance.source == source
