@@ -29,6 +29,7 @@ GOOD_FOR: dict[str, tuple[str, str]] = {
     "usd_blocks": ("first uSD log (Crazyswarm)", "audit"),
     "dido": ("DIDO, HDF5", "audit, estimate, noise"),
     "blackbird": ("Blackbird, HDF5", "audit, estimate, noise"),
+    "insane": ("INSANE, CSV of its sensors", "audit, estimate, noise"),
     "neurobem": ("NeuroBEM, CSV", "audit"),
     "neural_fly": ("Neural-Fly, CSV", "audit"),
 }

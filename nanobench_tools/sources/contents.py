@@ -24,6 +24,7 @@ CONTENTS: dict[str, Contents] = {
                "battery": ("vbat",)},
     "euroc": {"mocap": (*POSITION, *ROTATION, *VELOCITY), "imu": IMU},
     "uzhfpv": {"mocap": (*POSITION, *ROTATION), "imu": IMU},
+    "insane": {"mocap": (*POSITION, *ROTATION), "imu": IMU},
     "idsia": {"mocap": POSITION, "imu": ("gyro_x", "gyro_y", "gyro_z"), "motor": MOTORS, "rpm": MOTORS,
               "command": ("thrust",), "battery": ("vbat",), "estimator": ESTIMATE, "estimator_acc": ACCELERATION,
               "attitude_qw": ROTATION, "setpoint": ("x", "y", "z")},

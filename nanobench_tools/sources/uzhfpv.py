@@ -74,7 +74,7 @@ class UzhFpv:
             return flight
         truth = TumTrajectory().read(place / TRUTH, with_id(members[TRUTH]))
         zero = min(flight.epoch_s, truth.epoch_s)
-        streams = {name: _later(stream, part.epoch_s - zero) for part in (truth, flight)
+        streams = {name: later(stream, part.epoch_s - zero) for part in (truth, flight)
                    for name, stream in part.streams.items()}
         findings = [replace(f, start_s=f.start_s + part.epoch_s - zero, end_s=f.end_s + part.epoch_s - zero)
                     for part in (truth, flight) for f in part.provenance.findings]
@@ -108,19 +108,24 @@ def _imu(path: Path, data: bytes) -> Flight:
     grid = read_grid(with_id(data), place, numeric={*GYRO, *ACC}, time="timestamp")
     if (why := not_seconds(grid.columns.get("timestamp", np.zeros(0)))) is not None:
         raise InputError(f"{place}: column timestamp", why, "the format has seconds; read it with a column map")
-    size = _norm(grid.columns, ACC)
-    if not GRAVITY_M_S2 / GRAVITY_FACTOR < size < GRAVITY_M_S2 * GRAVITY_FACTOR:
-        raise InputError(f"{place}: column {ACC[0]}", f"the median specific force is {size:.3g}, where gravity in "
-                         "m/s^2 belongs", "read it with a column map that gives the unit")
-    rates = [np.abs(grid.columns[g]) for g in GYRO if g in grid.columns]
-    fastest = max((float(np.nanquantile(rate, 0.99)) for rate in rates), default=0.0)
-    if fastest > FASTEST_RAD_S:
-        raise InputError(f"{place}: column {GYRO[0]}", f"reaches {fastest:.3g}, too fast for rad/s",
-                         "read it with a column map that gives the unit")
+    check_units(grid.columns, ACC, GYRO, place)
     entries = [Entry("imu", f"gyro_{a}", f"ang_vel_{a}", unit="rad/s") for a in "xyz"]
     entries += [Entry("imu", f"acc_{a}", f"lin_acc_{a}", unit="m/s^2") for a in "xyz"]
     return flight_of(ColumnMap("the format", Entry("", "time", "timestamp", unit="s"), tuple(entries), {}, ""), grid,
                      path, UzhFpv.name)
+
+
+def check_units(columns: Mapping[str, np.ndarray], acc: Sequence[str], gyro: Sequence[str], place: str) -> None:
+    """InputError where columns are no specific force in m/s^2 or no rates in rad/s."""
+    size = _norm(columns, acc)
+    if not GRAVITY_M_S2 / GRAVITY_FACTOR < size < GRAVITY_M_S2 * GRAVITY_FACTOR:
+        raise InputError(f"{place}: column {acc[0]}", f"the median specific force is {size:.3g}, where gravity in "
+                         "m/s^2 belongs", "read it with a column map that gives the unit")
+    rates = [np.abs(columns[g]) for g in gyro if g in columns]
+    fastest = max((float(np.nanquantile(rate, 0.99)) for rate in rates), default=0.0)
+    if fastest > FASTEST_RAD_S:
+        raise InputError(f"{place}: column {gyro[0]}", f"reaches {fastest:.3g}, too fast for rad/s",
+                         "read it with a column map that gives the unit")
 
 
 def _norm(columns: Mapping[str, np.ndarray], names: Sequence[str]) -> float:
@@ -129,5 +134,6 @@ def _norm(columns: Mapping[str, np.ndarray], names: Sequence[str]) -> float:
     return float(np.nanmedian(np.linalg.norm(np.stack([columns[name] for name in names]), axis=0)))
 
 
-def _later(stream: Stream, by_s: float) -> Stream:
+def later(stream: Stream, by_s: float) -> Stream:
+    """``stream`` on a time axis that begins ``by_s`` earlier."""
     return replace(stream, time_s=stream.time_s + by_s) if by_s else stream

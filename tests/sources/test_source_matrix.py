@@ -6,6 +6,8 @@ import pytest
 from asl_samples import members, write_folder
 from foreign_files import FOREIGN
 from test_idsia import columns, text
+from test_insane import tables
+from test_insane import write as write_insane
 from test_neurobem_and_neural_fly import neural_fly, neurobem, table
 from test_usd_blocks import log
 from test_uzhfpv import write
@@ -20,6 +22,8 @@ from tools.source_matrix import PAGE, cell, flight_of, page
 def file_of(source, folder):
     if source == "euroc":
         return write_folder(folder, members())
+    if source == "insane":
+        return write_insane(folder / "flight", tables())
     if source == "uzhfpv":
         return write(folder / "flight")
     header, blocks = log()
@@ -33,7 +37,7 @@ def file_of(source, folder):
 
 
 @pytest.mark.parametrize("source", ["euroc", "uzhfpv", "idsia", "usd_blocks", "tum", "dido", "blackbird", "neurobem",
-                                    "neural_fly"])
+                                    "neural_fly", "insane"])
 def test_contents_are_those_of_a_file_of_the_source(source, tmp_path):
     (flight,) = load_recordings([file_of(source, tmp_path)], cache=False).flights
     assert flight.provenance.source == source

@@ -56,13 +56,14 @@ def mutations(data: bytes, seeds: int = 4, delimiter: bytes = b",") -> Iterator[
         yield Damaged("no header", joined(rows[1:], rows[0]), frozenset(), False)
 
 
-def read_as_before(folder, damaged: Damaged, before: Flight, name: str = "a.csv") -> Flight | None:
-    """None where it was refused with one line; else every row that was not touched is as before, and what was lost is
-    a finding."""
+def read_as_before(folder, damaged: Damaged, before: Flight, name: str = "a.csv",
+                   whole: bool = False) -> Flight | None:
+    """None where it was refused with one line; else every row that was not touched is as before. ``whole``: read the
+    folder."""
     (folder / name).write_bytes(damaged.data)
-    loaded = load_recordings([folder / name], cache=False)
+    loaded = load_recordings([folder if whole else folder / name], cache=False)
     if not loaded.flights:
-        (failure,) = loaded.failed
+        failure = loaded.failed[0]
         assert "\n" not in failure["error"]
         assert "failed," not in failure["error"], f"{damaged.kind}: {failure['error']}"
         assert not damaged.readable, f"{damaged.kind}: {failure['error']}"
