@@ -33,7 +33,7 @@ AUTOPILOT = frozenset("""
     """.split())  # noqa: SIM905
 """Words of the flight controller; a tracker's pose under them was forwarded to it."""
 OTHER_SENSOR = frozenset("""
-    camera cam realsense d435 d435i d455 t265 zed livox ouster lidar velodyne laser phone
+    camera cam realsense d435 d435i d455 t265 zed livox ouster os0 os1 os2 hesai lidar velodyne laser phone
     """.split())  # noqa: SIM905
 """Words of a device with a separate inertial sensor."""
 RAW = frozenset({"raw"})
@@ -41,7 +41,7 @@ FUNCTION = WANTED | TRACKED | ESTIMATED | AUTOPILOT | OTHER_SENSOR | RAW | froze
     imu data pose position orientation attitude twist velocity vel accel acceleration battery status
     voltage info sensor sensors client node server driver ros rviz tf static world map ground transform
     stamped stamp topic in out body frame base link cov covariance with rate raw mag magnetometer gps
-    baro pressure range height altitude
+    baro pressure range height altitude cloud points uwb
     """.split())  # noqa: SIM905
 """Words that say what a topic is, and not whose."""
 WORLDS = frozenset("""

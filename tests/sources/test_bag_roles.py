@@ -68,3 +68,10 @@ def test_a_doubt_lists_the_topics_and_a_map_settles_it():
     assert "/optitrack/cf1/pose" in str(refused.value)
     assert "[streams] mocap = " in str(refused.value)
     assert streams(*topics, chosen={"mocap": "/vicon/cf1/pose"}) == {"": {"mocap": "/vicon/cf1/pose"}}
+
+
+def test_the_imu_of_a_lidar_is_not_the_vehicles():
+    """NTU VIRAL: the inertial sensors of two lidars beside the vehicle's, and a prism as truth."""
+    found = streams(("/imu/imu", IMU), ("/os1_cloud_node1/imu", IMU), ("/os1_cloud_node2/imu", IMU),
+                    ("/leica/pose/relative", POSE), moved={"/leica/pose/relative": 5.0})
+    assert found == {"": {"imu": "/imu/imu", "mocap": "/leica/pose/relative"}}
