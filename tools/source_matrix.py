@@ -27,8 +27,8 @@ audit.json). Every source works with `audit`; `nanobench columns` drafts a map f
 ## What each verb can do
 """
 LIMITS = """
-A uSD log or a ULog may also contain motion capture; `convert --mocap` adds it to a uSD log. A column map adds motors
-and commands to a bag. Then the cells are those of a recording with these streams.
+A uSD log, a ULog or an ArduPilot log may also contain motion capture; `convert --mocap` adds it to a uSD log. A column
+map adds motors and commands to a bag. Then the cells are those of a recording with these streams.
 
 ## Public data sets
 

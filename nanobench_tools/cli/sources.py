@@ -18,6 +18,7 @@ GOOD_FOR: dict[str, tuple[str, str]] = {
     "table": ("your own CSV or Parquet", "first: nanobench columns FILE"),
     "usd": ("Crazyflie uSD log", "audit, thrust, motors; more: --mocap"),
     "ulog": ("PX4 log (.ulg)", "audit, thrust; more if it has mocap"),
+    "ardupilot": ("ArduPilot log (.bin)", "audit, thrust, motors"),
     "blackbox": ("Betaflight, INAV: CSV", "audit, thrust; .bbl: blackbox_decode"),
     "rosbag": ("ROS 1 and 2 bag", "audit, estimate; motors: --columns"),
     "tum": ("TUM trajectory", "truth or estimate: --trajectory-dir"),

@@ -20,6 +20,8 @@ CONTENTS: dict[str, Contents] = {
                    "estimator_acc": ACCELERATION, "attitude_qw": ROTATION},
     "ulog": {"imu": IMU, "motor": MOTORS, "battery": ("vbat",), "estimator": ESTIMATE, "attitude_qw": ROTATION,
              "setpoint": ("x", "y", "z")},
+    "ardupilot": {"imu": IMU, "motor": MOTORS, "rpm": MOTORS, "battery": ("vbat",), "estimator": ESTIMATE,
+                  "attitude": ("roll", "pitch", "yaw")},
     "blackbox": {"imu": IMU, "motor": MOTORS, "battery": ("vbat",)},
     "rosbag": {"mocap": (*POSITION, *ROTATION), "imu": IMU, "estimator": ESTIMATE, "attitude_qw": ROTATION,
                "battery": ("vbat",)},

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from asl_samples import members, write_folder
 from foreign_files import FOREIGN
+from test_ardupilot import log as ardupilot
 from test_blackbox import log as blackbox
 from test_idsia import columns, text
 from test_insane import tables
@@ -30,7 +31,7 @@ def file_of(source, folder):
     header, blocks = log()
     data = {"idsia": text(columns()), "usd_blocks": header + b"".join(blocks),
             "tum": FOREIGN["TUM of rpg"].data, "neurobem": table(neurobem()), "neural_fly": neural_fly(),
-            "blackbox": blackbox()}.get(source)
+            "blackbox": blackbox(), "ardupilot": b"".join(ardupilot(poses=False))}.get(source)
     if data is None:
         hdf5 = pytest.importorskip("test_hdf5")
         data = hdf5.file(**getattr(hdf5, source)())
@@ -39,7 +40,7 @@ def file_of(source, folder):
 
 
 @pytest.mark.parametrize("source", ["euroc", "uzhfpv", "idsia", "usd_blocks", "tum", "dido", "blackbird", "neurobem",
-                                    "neural_fly", "insane", "blackbox"])
+                                    "neural_fly", "insane", "blackbox", "ardupilot"])
 def test_contents_are_those_of_a_file_of_the_source(source, tmp_path):
     (flight,) = load_recordings([file_of(source, tmp_path)], cache=False).flights
     assert flight.provenance.source == source
