@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -24,9 +24,10 @@ class Context:
     are missing or larger than any measurement, quaternions of four zeros and placeholders of lost poses are NaN.
     """
 
-    def __init__(self, flight: Flight) -> None:
+    def __init__(self, flight: Flight, known: Mapping[Callable[..., Any], Any] | None = None) -> None:
+        """known: values of functions that this flight cannot show."""
         self.flight = _placed(flight)
-        self._kept: dict[Callable[..., Any], Any] = {}
+        self._kept: dict[Callable[..., Any], Any] = dict(known or {})
 
     def once(self, function: Callable[[Context], T]) -> T:
         """The value of ``function`` for this flight; ``function`` must be pure."""

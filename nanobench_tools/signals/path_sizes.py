@@ -42,7 +42,7 @@ LEAST_TURN = number("audit.path_sizes.least_turn")
 
 def wrong_paths(context: Context) -> list[WrongUnit]:
     """Each finding once; tilt decides where it can."""
-    found = [w for w in (_tilted(context), _turned(context)) if w is not None]
+    found = [w for w in (tilted_path(context), _turned(context)) if w is not None]
     reported = {q for w in found for q in w.quantities}
     for name, quantities in PATHS.items():
         stream = context.once(usable_streams).get(name)
@@ -61,7 +61,7 @@ def wrong_paths(context: Context) -> list[WrongUnit]:
     return found
 
 
-def _tilted(context: Context) -> WrongUnit | None:
+def tilted_path(context: Context) -> WrongUnit | None:
     """Axes of the tracked position whose acceleration is not what the tilt gives."""
     both = context.once(tilt_and_acceleration)
     if both is None:

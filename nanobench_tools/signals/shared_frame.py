@@ -14,7 +14,7 @@ import numpy as np
 from .. import so3
 from ..flight import Stream
 from ..sources.axes import Frame, frame_of, in_our_axes, name_of
-from .axis_unit_matching import AxisUnitMatch, axis_unit_matches
+from .axis_unit_matching import CLEAR, AxisUnitMatch, axis_unit_matches
 from .context import Context
 from .estimated_turning import EULER, estimated_attitude, rates_of
 from .flown_axes import FOLLOWS, NAMES, UP, UPRIGHT, Axis, Tilt, ground_axes_of, tilts, tilts_of
@@ -108,7 +108,8 @@ def _turned_so(match: AxisUnitMatch, axes: Frame) -> bool:
 
 def _by_estimate(context: Context) -> SharedFrame | None:
     attitude, place = estimated_attitude(context), context.once(usable_streams).get("estimator")
-    if attitude is None or place is None or not all(q in place for q in PLACE) or len(attitude) < 20:
+    if attitude is None or place is None or not all(q in place for q in PLACE) or len(attitude) < 20 \
+            or _height_alone(place):
         return None
     quaternion = so3.interpolate(attitude.time_s, attitude["qx", "qy", "qz", "qw"], place.time_s)
     known = np.isfinite(quaternion).all(axis=1) & np.isfinite(place[PLACE]).all(axis=1)
@@ -126,6 +127,15 @@ def _by_estimate(context: Context) -> SharedFrame | None:
     axes = frame_of(f"{WORLDS[world]}/{BODIES[body]}")
     streams = tuple(name for name in FRAMED if name in context.flight and _belongs(context, name, attitude, axes))
     return SharedFrame(axes, streams, why)
+
+
+def _height_alone(place: Stream) -> bool:
+    """Whether the estimate climbs where its height falls: one of the two columns is negated, and no frame is turned."""
+    if "vz" not in place or len(place) < 20:
+        return False
+    known = np.isfinite(place["z", "vz"]).all(axis=1)
+    height, climb = np.diff(place["z"][known]), place["vz"][known][1:]
+    return bool(height @ climb < -CLEAR * np.linalg.norm(height) * np.linalg.norm(climb))
 
 
 def _axes(found: dict[tuple[Axis, Axis], Tilt], usual: Tilt, ground: dict[Axis, float]) -> tuple[Axis, Axis, str]:

@@ -56,6 +56,16 @@ def wrong_heading(context: Context) -> tuple[float, str] | None:
                         f"the position (correlation {follows:.2f})")
 
 
+def straight(context: Context) -> float:
+    """Correlation of tilt and path where they need no turn, else 0."""
+    both = context.once(tilt_and_acceleration)
+    if both is None:
+        return 0.0
+    path, tilt = (v[:, 0] + 1j * v[:, 1] for v in both[:2])
+    angle, follows = _turn(tilt, path)
+    return follows if abs(angle) < TURNED_RAD else 0.0
+
+
 def half_turned(context: Context) -> bool:
     """Whether the tilt fits the path as well with inverted quaternions: the heading is near half a turn throughout."""
     both = context.once(tilt_and_acceleration)

@@ -16,6 +16,7 @@ import math
 from ...flight import Fault, Flight
 from ...signals.context import Context
 from ...signals.held_poses import POSITION
+from ...signals.own_reference import contradictions
 from ...signals.own_turning import own_turning
 from ...signals.stream_frames import unexplained, unexplained_gravity
 from ...signals.tilt_heading import mirrored, other_height
@@ -39,6 +40,7 @@ def wrong_axes(context: Context) -> list[tuple[str, tuple[str, ...], str]]:
                 if verdict.order[i] != i
             )
             found.append((verdict.stream, moved, seen))
+    found += [(c.stream, c.quantities, c.evidence) for c in context.once(contradictions) if c.kind == KIND]
     own = context.once(own_turning)
     if own is not None and own.order != (0, 1, 2):
         places = [i for i in range(3) if own.order[i] != i]

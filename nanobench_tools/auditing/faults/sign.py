@@ -11,7 +11,8 @@ image above 0.8, and 0.3 above that of any turn). If the gyro turns against the 
 is negated. A height that only falls, of a vehicle that tilts as one with z up, is negated.
 
 Without motion capture the estimated angles are compared with the gyro. Where they turn against each other, one of the
-two columns is negated.
+two columns is negated. Estimated velocity, acceleration and set-point are compared with the estimated position, and
+that with the tilt of the estimated attitude (``signals.own_reference``).
 
 Size: the correlation's sign, -1. Smallest found: any axis that moves enough for a correlation of 0.4. Other axes (yaw
 in flights that hold their heading, a world axis not flown along) are not judged.
@@ -24,6 +25,7 @@ from ...signals.attitude_signs import contradicted_angles
 from ...signals.axis_unit_matching import CLEAR, axis_unit_matches
 from ...signals.context import Context
 from ...signals.estimated_turning import EULER, estimated_attitude
+from ...signals.own_reference import contradictions
 from ...signals.pairs import gyro_pair, sums_of
 from ...signals.shared_frame import turns_as
 from ...signals.stream_frames import IMU, unexplained, unexplained_gravity
@@ -56,6 +58,7 @@ def wrong_signs(context: Context) -> list[tuple[str, str, str]]:
                 found.append((verdict.stream, quantity,
                               f"{quantity} of {verdict.stream} correlates {k:+.2f} with what the "
                               f"{against(verdict)} predicts" + _or_inverted(context, quantity)))
+    found += [(c.stream, c.quantities[0], c.evidence) for c in context.once(contradictions) if c.kind == KIND]
     angles = context.once(contradicted_angles)
     if angles and not ("attitude" in context.flight and all(q in context.flight["attitude"] for q in EULER)):
         shown = ", ".join(f"{angle} against {gyro} ({k:+.2f})" for angle, gyro, k in angles)

@@ -13,7 +13,9 @@ the smallest common mistake is 9.81. Not found: scale errors of calibration.
 from __future__ import annotations
 
 from ...flight import Fault, Flight
+from ...signals.attitude_signs import angle_matches
 from ...signals.context import Context
+from ...signals.own_reference import contradictions
 from ...signals.own_turning import own_turning
 from ...signals.plausible_ranges import FACTOR
 from ...signals.stream_frames import IMU
@@ -38,13 +40,18 @@ def find(flight: Flight, context: Context) -> list[Fault]:
             faults.append(
                 Fault(KIND, "", wrong.quantities, span.start_s, span.end_s, wrong.factor, "1", wrong.evidence, FACTOR)
             )
-    reported = {column for fault in faults if fault.stream == "imu" for column in fault.columns}
+    for c in context.once(contradictions):
+        if c.kind == KIND and not any(set(c.quantities) & set(wrong.quantities) for wrong in context.once(wrong_units)):
+            faults.append(over_stream(KIND, flight, c.stream, c.quantities, c.factor, "1", c.evidence, FACTOR))
+    reported = {column for fault in faults for column in fault.columns}
     own = context.once(own_turning)
-    timed = all("t" not in fault.columns for fault in faults)
-    for axis, named in own.scaled if own is not None and timed else ():
-        fault = over_stream(KIND, flight, "imu", (IMU[0][axis],), named.factor, "1",
-                            f"{IMU[0][axis]} of imu turns {named.words} times as fast as the estimated attitude"
-                            f"{named.reading}; one of them is in another unit", FACTOR)
+    turns = [("imu", IMU[0][axis], "the estimated attitude", named) for axis, named in own.scaled] if own else []
+    turns += [("attitude", m.angle, m.gyro, m.scaled) for m in context.once(angle_matches)
+              if m.scaled and "attitude" in flight and m.gyro not in {gyro for _, gyro, *_ in turns}]
+    for stream, quantity, other, named in turns if "t" not in reported else ():
+        fault = over_stream(KIND, flight, stream, (quantity,), named.factor, "1",
+                            f"{quantity} of {stream} turns {named.words} times as fast as {other}{named.reading}; one "
+                            "of them is in another unit", FACTOR)
         faults += [fault] if not reported & set(fault.columns) else []
     return faults
 
