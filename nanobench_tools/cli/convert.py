@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ..physics.export import Assumed, Exported
     from ..physics.hover import Hover
 
-FORMATS = ("nanobench", "parquet", "tum", "rrd")
+FORMATS = ("nanobench", "parquet", "tum", "euroc", "kitti", "rpg", "rrd")
 SIMULATORS = ("rotorpy", "crazyflow", "urdf", "c", "casadi")
 ONE_TIME = ("nanobench",)
 """Formats in which all streams share one column of time."""
@@ -32,8 +32,8 @@ ALL = "all-simulators"
 @shared_options("seed", "clock")
 @click.option("--to", type=click.Choice([*FORMATS, *SIMULATORS, ALL]), default="nanobench", show_default=True,
               metavar="FORMAT",
-              help="Recordings: nanobench (CSV with its sheet), parquet (a file per stream, SI units), tum (the "
-                   "mocap trajectory), or rrd (for the Rerun viewer). SIMULATOR.toml: "
+              help="Recordings: nanobench (CSV with its sheet), parquet (a file per stream, SI units), or rrd (for the "
+                   "Rerun viewer). Their mocap trajectory: tum, euroc or kitti (all for evo), or rpg. SIMULATOR.toml: "
                    "rotorpy, "
                    f"crazyflow (also drone-models), urdf (gym-pybullet-drones), c, casadi, or {ALL}.")
 @click.option("--mocap", type=click.Path(path_type=Path), metavar="FILE",

@@ -22,6 +22,7 @@ GOOD_FOR: dict[str, tuple[str, str]] = {
     "blackbox": ("Betaflight, INAV: CSV", "audit, thrust; .bbl: blackbox_decode"),
     "rosbag": ("ROS 1 and 2 bag", "audit, estimate; motors: --columns"),
     "tum": ("TUM trajectory", "truth or estimate: --trajectory-dir"),
+    "kitti": ("KITTI poses with times.txt", "truth"),
     "mocap_export": ("Motive, Vicon, Qualisys", "truth: --trajectory-dir"),
     "npy_mocap": ("Bitcraze .npy: ms, x, y, z", "truth: convert LOG --mocap FILE"),
     "stand": ("thrust-stand table", "thrust"),

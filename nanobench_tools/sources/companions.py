@@ -15,6 +15,7 @@ PICTURES = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"ply\n", b"ply\r\n")
 """First bytes of the images and point clouds of data sets, which are not read any further."""
 _SENSOR_SHEET = re.compile(r"^(%YAML:1\.0\s*$|sensor_type:\s|T_BS:\s*$)", re.MULTILINE)
 _TIME_SHEET = re.compile(r"^t_total:\s", re.MULTILINE)
+_ALIGNMENT = re.compile(r"^align_type:\s", re.MULTILINE)
 _FILE_LIST = re.compile(r"#?\s*timestamp\s*\[?\w*\]?\s*,\s*filename\s*$", re.MULTILINE)
 _WORD = re.compile(r"[^\W\d_]{2,}[.,;:)]?")
 _MARKDOWN_HEADING = re.compile(r"^#{1,6} \w", re.MULTILINE)
@@ -35,6 +36,8 @@ def companion(data: bytes) -> str | None:
         return "sensor sheet"
     if _TIME_SHEET.search(text):
         return "time sheet"
+    if _ALIGNMENT.match(text):
+        return "alignment of rpg_trajectory_evaluation"
     if _FILE_LIST.match(text):
         return "list of pictures"
     if _USD_CONFIG.search(text) and any(line.split("#")[0].strip().isdigit() for line in text.splitlines()):

@@ -37,6 +37,7 @@ CONTENTS: dict[str, Contents] = {
     "neural_fly": {"estimator": ESTIMATE, "attitude_qw": ROTATION, "imu": ("gyro_x", "gyro_y", "gyro_z"),
                    "setpoint": ("x", "y", "z"), "command": ("thrust",)},
     "tum": {"mocap": (*POSITION, *ROTATION)},
+    "kitti": {"mocap": (*POSITION, *ROTATION)},
     "mocap_export": {"mocap": (*POSITION, *ROTATION)},
     "npy_mocap": {"mocap": POSITION},
     "stand": {"stand": ("thrust",), "motor": MOTORS, "battery": ("vbat",)},

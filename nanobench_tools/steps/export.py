@@ -73,9 +73,22 @@ def write_viewer(flight: Flight, path: Path) -> Path:
     return write_rrd(flight, path)
 
 
+def write_for_others(kind: str) -> Callable[[Flight, Path], Path]:
+    """Writer of ``trajectory_files``, loaded when it is used."""
+
+    def write(flight: Flight, path: Path) -> Path:
+        from . import trajectory_files
+
+        made: Path = getattr(trajectory_files, f"write_{kind}")(flight, path)
+        return made
+
+    return write
+
+
 FORMATS: dict[str, tuple[Callable[[Flight, Path], Path], str]] = {
     "nanobench": (write_csv, ".csv"), "parquet": (write_parquet, ""), "tum": (write_tum, ".tum"),
-    "rrd": (write_viewer, ".rrd")}
+    "euroc": (write_for_others("euroc"), ".euroc.csv"), "kitti": (write_for_others("kitti"), ".kitti"),
+    "rpg": (write_for_others("rpg"), ""), "rrd": (write_viewer, ".rrd")}
 """Name of a format -> (writer, suffix)."""
 
 
