@@ -41,7 +41,7 @@ STREAM_QUANTITIES: dict[str, dict[str, tuple[str, str]]] = {
     "attitude_qw": _each("qx qy qz qw", "1", "world"),
     "setpoint": {**_each("x y z", "m", "world"), **_each("yaw", "rad", "world")},
     "pid": {**_each("roll pitch yaw", "rad", "world"), **_each("cmd_thrust", "1", "body")},
-    "battery": _each("vbat", "V", "-"),
+    "battery": {**_each("vbat", "V", "-"), **_each("current", "A", "-")},
     "rpm": _each(" ".join(_MOTORS), "rad/s", "motor"),
     "command": _each("thrust", "1", "body"),
     "stand": {**_each("thrust", "N", "body"), **_each("current", "A", "-")},

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, overload
 
 from ..auditing.audit_verdict import AuditVerdict, verdict_of
+from ..auditing.health import Health, health_of
 from ..auditing.recording_audit import Audit
 from ..auditing.verb_needs import can
 from ..flight import Flight, Span
@@ -49,6 +50,11 @@ class FlightAudit:
     def can(self) -> dict[str, str]:
         """Function -> what this recording lacks for it; empty where it suffices."""
         return can(self.flight, self.detail)
+
+    @property
+    def health(self) -> Health:
+        """Vibration, clipping and battery of the flight in the air."""
+        return health_of(self.flight, self.detail)
 
     @property
     def faults(self) -> pd.DataFrame:

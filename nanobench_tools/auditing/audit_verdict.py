@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from ..flight import Flight, Span, intersect_spans, subtract_spans
-from ..results.result import Result
+from ..results.result import Result, to_json
 from .fault_events import FaultEvent, events_of
 from .faults.kinds import cutting, kinds
+from .health import health_of
 from .recording_audit import Audit
 from .verb_needs import can
 
@@ -94,7 +95,8 @@ def entry_of(flight: Flight, audit: Audit) -> dict[str, Any]:
     verdict = verdict_of(audit)
     return {"flight": audit.flight, "verdict": verdict.sentence, "severity": verdict.severity,
             "advice": verdict.advice, "usable": [[s.start_s, s.end_s] for s in verdict.usable],
-            "unfit": list(verdict.unfit), "can": can(flight, audit), **audit.to_json(),
+            "unfit": list(verdict.unfit), "can": can(flight, audit),
+            "health": to_json(health_of(flight, audit)), **audit.to_json(),
             "assumptions": [vars(a) for a in flight.provenance.assumptions],
             "events": [{"kind": e.kind, "streams": list(e.streams), "spans": [[s.start_s, s.end_s] for s in e.spans],
                         "sentence": e.sentence, "advice": e.advice, "faults": e.faults, "seconds_cut": e.seconds_cut}

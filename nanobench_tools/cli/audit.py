@@ -33,7 +33,8 @@ def audit(options: Options) -> int:
 
     One line per recording: how much of the flight is usable, what is wrong in words, what to do. Severity is fine,
     minor (corrected, or next to nothing is cut), cut, or unusable. Option --verbose lists every recording with its
-    numbers and every fault with its evidence. The files of --json and --out DIR (audit.json) hold everything.
+    numbers, every fault with its evidence, vibration and battery. The files of --json and --out DIR (audit.json) hold
+    everything.
     """
     flights = options.load()
     audits, copies = options.audit(flights)
@@ -43,7 +44,7 @@ def audit(options: Options) -> int:
     uses = [uses_of(entry) for entry in body["flights"]]
     close(options, audit_sentence(body), NEXT.get(verb, "every fault with its evidence"), *command,
           screen=[*audit_screen(options, audits, copies), *uses[:1 if len(uses) == 1 else 0], *assumed(flights)],
-          detail=[*audit_detail(options, audits, copies), *uses, *assumed(flights)])
+          detail=[*audit_detail(options, audits, copies), *health_lines(body), *uses, *assumed(flights)])
     return options.finish("audit", body)
 
 
@@ -56,6 +57,14 @@ def uses_of(entry: Mapping[str, Any]) -> str:
     others = "; ".join(f"{', '.join(verbs)}: {lack}" for lack, verbs in lacks.items())
     return one_line(f"{entry['flight']} suffices for {', '.join(good) or 'no verb'}" + (f". Not for {others}" if others
                                                                                         else ""))
+
+
+def health_lines(body: Mapping[str, Any]) -> list[str]:
+    """Vibration and battery of each recording, in a line."""
+    from ..auditing.health import sentence_of
+
+    return [one_line(f"{entry['flight']}: {line}") for entry in body["flights"]
+            if (line := sentence_of(entry["health"]))]
 
 
 def assumed(flights: Sequence[Flight]) -> list[str]:

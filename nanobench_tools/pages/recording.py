@@ -13,6 +13,7 @@ import numpy as np
 
 from .. import so3
 from ..auditing.faults.kinds import cutting, group_of
+from ..auditing.health import sentence_of
 from ..flight import Flight, Span, Stream, mask_of
 from ..tables.quantities import DASH, format_number, number
 from .audit_entry import clock_points, cut_spans, share_valid, span_of, streams_of, total
@@ -54,6 +55,7 @@ def facts(flight: Flight, audit: Mapping[str, Any]) -> list[list[str]]:
         "Length": f"{flight.span.duration_s:.1f} s",
         "In the air": _seconds(audit.get("airborne")),
         "Usable": _seconds(audit.get("usable", audit.get("clean"))),
+        "Health": sentence_of(audit["health"]) if audit.get("health") else None,
         "File": flight.provenance.path.replace("\\", "/").rsplit("/", 1)[-1],
         "SHA-256": flight.provenance.sha256[:12],
     }
@@ -74,6 +76,7 @@ def figure(flight: Flight, audit: Mapping[str, Any], taken_out: Mapping[str, Any
                         clock_panel(audit, taken_out), battery(flight, audit, airborne), motors(flight, audit)):
         panels += found
         outside += left
+    panels += vibration(audit)
     note = ("Error: onboard estimate against motion capture at equal timestamps, not aligned, so a late clock counts. "
             f"Shaded: cut by the audit. Each of {BUCKETS} stretches keeps its extremes; paths have "
             f"{PATH_RATE_HZ:g} points a second.")
@@ -199,6 +202,18 @@ def motors(flight: Flight, audit: Mapping[str, Any]) -> Series:
         return [], []
     panels, _ = _panel("motor PWM ratio", "", found, "motor", flight, audit, (), 2e-3, False)
     return panels, []
+
+
+def vibration(audit: Mapping[str, Any]) -> list[Panel]:
+    """Amplitude density of gyro and accelerometer over frequency, with the frequencies at which the rotors show."""
+    panels = []
+    for k, (name, found) in enumerate(((audit.get("health") or {}).get("vibration") or {}).items()):
+        frequency, density = (list(axis) for axis in zip(*found["spectrum"], strict=True))
+        rules = [("x", line["seen_at_hz"]) for line in found["rotors"]]
+        panels.append(Panel(Axis("frequency", "Hz"), Axis(f"{name} vibration", f"{found['unit']}/sqrt(Hz)", log=True),
+                            [Mark(name, frequency, density, colour=COLOURS[k])],
+                            "vibration, rotors dotted" if rules else "vibration", 220, rules=rules))
+    return panels
 
 
 def _panel(title: str, unit: str, series: Mapping[str, tuple[np.ndarray, np.ndarray]], stream: str, flight: Flight,

@@ -59,6 +59,7 @@ WANTED = (
            (1.0,) * 6),
     Wanted("mocap", ("VISP",), ("px", "py", "pz", "roll", "pitch", "yaw"), ("PX", "PY", "PZ", "R", "P", "Y"),
            (1.0, 1.0, 1.0, DEG, DEG, DEG)),
+    Wanted("battery", ("BAT", "CURR"), ("vbat", "current"), ("Volt", "Curr"), (1.0, 1.0)),
     Wanted("battery", ("BAT", "CURR"), ("vbat",), ("Volt",), (1.0,)),
 )
 TURNED = ("imu", "attitude", "estimator", "mocap")
@@ -80,7 +81,7 @@ class ArduPilot:
         found: dict[str, tuple[np.ndarray, np.ndarray, Wanted]] = {}
         lost = 0
         for wanted in WANTED:
-            if (rows := _rows(log, wanted)) is not None:
+            if wanted.stream not in found and (rows := _rows(log, wanted)) is not None:
                 found[wanted.stream], more = rows
                 lost += more
         motors, note = _motors(log, parameters)

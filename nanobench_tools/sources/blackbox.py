@@ -176,5 +176,10 @@ def _motors(grid: Grid) -> tuple[list[Entry], str]:
 
 def _battery(grid: Grid) -> list[Entry]:
     found = {m[1]: (name, unit_as_written(m[2] or "")) for name in grid.columns if (m := _UNIT.fullmatch(name))}
-    name, unit = next((found[n] for n in ("vbatLatest", "vbat") if n in found), ("", None))
-    return [Entry("battery", "vbat", name, unit=unit)] if unit in ("V", "mV") else []
+    entries = []
+    for quantity, names, units in (("vbat", ("vbatLatest", "vbat"), ("V", "mV")),
+                                   ("current", ("amperageLatest", "amperage"), ("A", "mA"))):
+        name, unit = next((found[n] for n in names if n in found), ("", None))
+        if unit in units:
+            entries.append(Entry("battery", quantity, name, unit=str(unit)))
+    return entries if entries and entries[0].quantity == "vbat" else []

@@ -151,3 +151,17 @@ def test_shares_and_counts_of_an_audit(flight, make):
     assert fault_counts(entry) == {"dead_stream": 1, "spike": 1}
     assert total([[0, 2], [1, 3]]) == 3.0
     assert total(None) is None
+
+
+def test_the_spectrum_is_drawn_with_the_rotors(flight, make):
+    entry = make.entry(flight)
+    rotors = [{"order": 1, "rotor_hz": 300.0, "seen_at_hz": 200.0, "rms": 0.1, "share": 0.5}]
+    gyro = {"unit": "rad/s", "windows": 9, "up_to_hz": 250.0, "rms": 0.28, "highest": 2.0, "clipped_rows": 0,
+            "peak_hz": 80.0, "peak_rms": 0.28, "rotors": rotors, "load": "", "against": [], "interpolated": False,
+            "spectrum": [[20.0, 0.01], [80.0, 0.4], [250.0, 0.01]]}
+    entry["health"] = {"vibration": {"gyro": gyro}, "battery": None, "lacks": []}
+    drawn = view(flight, entry)
+    assert values(drawn, "gyro vibration", "gyro") == pytest.approx([0.01, 0.4, 0.01])
+    assert "strongest at 80 Hz" in dict(drawn["facts"])["Health"]
+    assert any(s["x0"] == 200.0 for s in drawn["figure"]["layout"]["shapes"])
+    assert "gyro vibration" not in [title for title, _ in titles(view(flight, make.entry(flight)))]
