@@ -10,6 +10,7 @@ from .. import so3
 from .axis_unit_matching import FACTOR, FACTOR_WITHIN
 from .context import Context
 from .dropouts import alive_until
+from .estimated_turning import REACH_S, SHORTEST_S, STEP_S, TURN_S
 from .held_poses import ROTATION
 from .known_factors import NamedFactor, named_factor
 from .pairs import gyro_pair, sums_of
@@ -17,12 +18,6 @@ from .quaternions import UNIT_WITHIN, quaternion_orders
 from .stream_frames import EULER, IMU, stream_turns
 from .usable_rows import advancing, usable_streams
 
-STEP_S = 0.02
-TURN_S = 0.1
-"""Turning over this time contains little noise of angles and gyro."""
-REACH_S = 0.1
-"""Largest delay between the two streams that is tried."""
-SHORTEST_S = 2.0
 AGAINST = 0.7
 """Least size of a correlation that shows a sign."""
 SLOWLY, ALL_DELAYS = 0.5, 0.3

@@ -13,8 +13,7 @@ import numpy as np
 
 from ..settings import number
 from .context import Context
-from .dropouts import alive_until
-from .estimated_turning import estimated_attitude, rates_of
+from .estimated_turning import known_estimate, known_gyro, rates_of
 from .gravity import gravity_axis
 from .mocap_derivatives import derivatives_of
 from .paired_signals import BRIDGED_S
@@ -51,16 +50,13 @@ class GyroOffset:
 
 def gyro_offset(context: Context) -> GyroOffset | None:
     """None without a gyro, or without anything to compare it with."""
-    imu = context.once(usable_streams).get("imu")
-    if imu is None or not all(q in imu for q in IMU[0]):
+    found = known_gyro(context)
+    if found is None:
         return None
-    known = np.isfinite(imu[IMU[0]]).all(axis=1) & (imu.time_s <= context.once(alive_until)["imu"])
-    if known.sum() < 20:
-        return None
-    time_s, gyro = imu.time_s[known], imu[IMU[0]][known]
+    time_s, gyro = found
     for by, turning in (("tracked attitude", _tracked(context)), ("estimated attitude", _estimated(context))):
-        if turning is not None and (found := _against(time_s, gyro, *turning)) is not None:
-            return GyroOffset(*found, f"the {by} turns")
+        if turning is not None and (offset := _against(time_s, gyro, *turning)) is not None:
+            return GyroOffset(*offset, f"the {by} turns")
     return _at_rest(context, time_s, gyro)
 
 
@@ -70,15 +66,11 @@ def _tracked(context: Context) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 def _estimated(context: Context) -> tuple[np.ndarray, np.ndarray] | None:
-    estimate = estimated_attitude(context)
+    estimate = known_estimate(context)
     if estimate is None:
         return None
-    name = "attitude_qw" if "attitude_qw" in context.flight else "attitude"
     middle, rates = rates_of(estimate)
-    known = np.isfinite(rates).all(axis=1) & (middle <= context.once(alive_until).get(name, np.inf))
-    if known.sum() < 2 or np.median(np.diff(middle[known])) > LONGEST_STEP_S:
-        return None
-    return middle[known], rates[known]
+    return (middle, rates) if len(middle) > 1 and np.median(np.diff(middle)) <= LONGEST_STEP_S else None
 
 
 def _against(time_s: np.ndarray, gyro: np.ndarray, at: np.ndarray, rates: np.ndarray

@@ -7,15 +7,16 @@ real flights the estimated velocity correlates by +0.6 to +1.0 with the rate of 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from .. import so3
 from ..flight import make_stream
 from .attitude_signs import contradicted_angles
-from .axis_unit_matching import AxisUnitMatch, match_of
+from .axis_unit_matching import ALONE, AxisUnitMatch, match_of
 from .context import Context
 from .dropouts import alive_until
 from .estimated_turning import estimated_attitude
@@ -23,8 +24,9 @@ from .held_poses import POSITION, ROTATION
 from .pairs import MakePair, acceleration_pair, request_pair, setpoint_pair, sums_of, velocity_pair
 from .path_sizes import tilted_path
 from .plausible_ranges import tracker_scale
-from .shared_frame import PLACE, shared_frame
-from .tilt_heading import FOLLOWS, mirrored, straight
+from .pose_frame import PoseFrame, pose_frame
+from .shared_frame import PLACE, height_alone, shared_frame
+from .tilt_heading import FOLLOWS, mirrored, straight, tilt_and_acceleration
 from .usable_rows import usable_streams
 
 JUDGES = (velocity_pair, acceleration_pair, setpoint_pair)
@@ -43,18 +45,24 @@ class Contradiction:
 
 
 def own_reference(context: Context) -> Context | None:
-    """The recording with the estimated poses as its motion capture. None with a motion capture, without position or
-    attitude, and where all axes are turned as a whole."""
-    place, attitude = context.once(usable_streams).get("estimator"), estimated_attitude(context)
-    if "mocap" in context.flight or place is None or attitude is None or not all(q in place for q in PLACE) \
-            or len(attitude) < 2 or context.once(shared_frame) is not None:
+    """The recording with the estimated poses as its motion capture. Without an
+    attitude they are level and the tilt shows nothing. None with a motion capture, without a position, and where all
+    axes are turned as a whole."""
+    streams, attitude = context.once(usable_streams), estimated_attitude(context)
+    place = streams.get("estimator")
+    if "mocap" in context.flight or place is None or not all(q in place for q in PLACE) \
+            or context.once(shared_frame) is not None:
         return None
-    alive = context.once(alive_until)
-    end = min(alive[name] for name in ("estimator", "attitude_qw", "attitude") if name in context.flight)
+    known: dict[Callable[..., Any], Any] = {tracker_scale: 1.0, pose_frame: PoseFrame()}  # these are what is judged
+    judged = ["estimator", *(name for name in ("attitude_qw", "attitude") if attitude is not None and name in streams)]
+    end = min(context.once(alive_until)[name] for name in judged)
     rows = place.rows(np.isfinite(place[PLACE]).all(axis=1) & (place.time_s <= end))
-    turn = so3.interpolate(attitude.time_s, attitude[ROTATION], rows.time_s)
+    if attitude is None or len(attitude) < 2:
+        turn, known[tilt_and_acceleration] = np.tile([0.0, 0.0, 0.0, 1.0], (len(rows), 1)), None
+    else:
+        turn = so3.interpolate(attitude.time_s, attitude[ROTATION], rows.time_s)
     poses = make_stream("mocap", rows.time_s, np.column_stack([rows[PLACE], turn]), (*POSITION, *ROTATION))
-    return Context(context.flight.with_streams(mocap=poses), {tracker_scale: 1.0})  # its unit is what is judged
+    return Context(context.flight.with_streams(mocap=poses), known)
 
 
 def contradictions(context: Context) -> list[Contradiction]:
@@ -67,8 +75,13 @@ def contradictions(context: Context) -> list[Contradiction]:
     follows = straight(own) > FOLLOWS
     matches = [match for make in (*JUDGES, request_pair) for match in [_match(own, make)]
                if match is not None]
-    return places + [found for match in matches for found in _of_match(match, follows)
-                     if match.stream == "pid" or not wrong & {q[-1] for q in found.quantities}]
+    found = places + [c for match in matches for c in _of_match(match, follows)
+                      if match.stream == "pid" or not wrong & {q[-1] for q in c.quantities}]
+    if height_alone(context.once(usable_streams)["estimator"]) and not any({"z", "vz"} & set(c.quantities)
+                                                                           for c in found):
+        found.append(Contradiction("sign", "estimator", ("z",), -1.0,
+                                   "z of estimator falls where vz climbs; or vz is negated"))
+    return found
 
 
 def _match(own: Context, make: MakePair) -> AxisUnitMatch | None:
@@ -113,6 +126,8 @@ def _of_match(match: AxisUnitMatch, follows: bool) -> Iterator[Contradiction]:
                                 f"{quantity} of {match.stream} correlates {k:+.2f} with what the estimated {by} "
                                 f"predicts" + f"; or the {by} is negated" * (quantity not in sure))
     for axes, named in match.scaled:
+        if max(abs(match.correlation[i]) for i in axes) < ALONE:
+            continue
         names = tuple(match.quantities[i] for i in axes)
         yield Contradiction("unit", match.stream, names, named.factor,
                             f"{', '.join(names)} of {match.stream} {'are' if len(names) > 1 else 'is'} {named.words} "

@@ -127,18 +127,7 @@ def wrong_ranges(context: Context) -> list[WrongUnit]:
         *((name, motors_of(context.flight[name])) for name in ("motor", "motor_request") if name in context.flight),
         ("pid", ("cmd_thrust",)),
     ):
-        command = _alive(context, name, quantities)
-        if command is None:
-            continue
-        top = float(np.quantile(command, 0.99))
-        if top > 2.0:
-            factor = PWM_FULL_SCALE if top > 256.0 else 100.0
-            found.append(
-                WrongUnit(name, quantities, factor, f"{', '.join(quantities)} reach {top:.4g} where 1 is full")
-            )
-        elif 0.0 < top < 1e-3:
-            found.append(WrongUnit(name, quantities, 1.0 / PWM_FULL_SCALE,
-                                   f"{', '.join(quantities)} never exceed {top:.2g} of full"))
+        found += _commands(context, name, quantities)
     for name, angles in (("attitude", ("roll", "pitch", "yaw")), ("setpoint", ("yaw",)),
                          ("pid", ("roll", "pitch", "yaw"))):
         angle = _alive(context, name, angles)
@@ -146,4 +135,24 @@ def wrong_ranges(context: Context) -> list[WrongUnit]:
             found.append(
                 WrongUnit(name, angles, 180.0 / np.pi, f"angles of {name} reach {np.abs(angle).max():.3g} rad")
             )
+    return found
+
+
+def _commands(context: Context, name: str, quantities: tuple[str, ...]) -> list[WrongUnit]:
+    """Commands beyond full or next to nothing, and single motors that are far from the others."""
+    command = _alive(context, name, quantities)
+    if command is None:
+        return []
+    tops = np.quantile(command, 0.99, axis=0)
+    usual = float(np.median(tops))
+    odd = [i for i, top in enumerate(tops) if top > 0.0 < usual and abs(np.log(top / usual)) > np.log(FACTOR)]
+    found = [WrongUnit(name, (quantities[i],), tops[i] / usual,
+                       f"{quantities[i]} reaches {tops[i]:.3g}, and the others {usual:.3g}") for i in odd]
+    alike = [i for i in range(len(quantities)) if i not in odd]
+    names, top = tuple(quantities[i] for i in alike), float(tops[alike].max())
+    if top > 2.0:
+        factor = PWM_FULL_SCALE if top > 256.0 else 100.0
+        found.append(WrongUnit(name, names, factor, f"{', '.join(names)} reach {top:.4g} where 1 is full"))
+    elif 0.0 < top < 1e-3:
+        found.append(WrongUnit(name, names, 1.0 / PWM_FULL_SCALE, f"{', '.join(names)} never exceed {top:.2g} of full"))
     return found

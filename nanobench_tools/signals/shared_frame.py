@@ -109,7 +109,7 @@ def _turned_so(match: AxisUnitMatch, axes: Frame) -> bool:
 def _by_estimate(context: Context) -> SharedFrame | None:
     attitude, place = estimated_attitude(context), context.once(usable_streams).get("estimator")
     if attitude is None or place is None or not all(q in place for q in PLACE) or len(attitude) < 20 \
-            or _height_alone(place):
+            or height_alone(place):
         return None
     quaternion = so3.interpolate(attitude.time_s, attitude["qx", "qy", "qz", "qw"], place.time_s)
     known = np.isfinite(quaternion).all(axis=1) & np.isfinite(place[PLACE]).all(axis=1)
@@ -129,7 +129,7 @@ def _by_estimate(context: Context) -> SharedFrame | None:
     return SharedFrame(axes, streams, why)
 
 
-def _height_alone(place: Stream) -> bool:
+def height_alone(place: Stream) -> bool:
     """Whether the estimate climbs where its height falls: one of the two columns is negated, and no frame is turned."""
     if "vz" not in place or len(place) < 20:
         return False

@@ -18,14 +18,12 @@ from scipy.spatial.transform import Rotation
 from ..settings import number
 from .axis_unit_matching import CLEAR, CLEARLY, AxisUnitMatch, certain, correlations
 from .context import Context
-from .estimated_turning import estimated_attitude, rates_of
+from .estimated_turning import estimated_attitude, follows_estimate
 from .gravity import GRAVITY_SHARE, Gravity, gravity_axis
 from .held_poses import POSITION, ROTATION
-from .paired_signals import FEWEST_ROWS
 from .pairs import force_pair, gyro_pair, sums_of
 from .pose_frame import pose_frame
 from .shared_frame import shared_frame
-from .usable_rows import usable_streams
 from .wrong_matches import wrong_matches
 
 EULER = ("roll", "pitch", "yaw")
@@ -174,17 +172,10 @@ def _imu(context: Context) -> StreamTurn | None:
 
 def _imu_by_estimate(context: Context, mean: np.ndarray | None) -> StreamTurn | None:
     """The turn of the IMU without motion capture, by gravity (``mean``, its direction) and the estimated attitude."""
-    imu, estimate = context.once(usable_streams).get("imu"), estimated_attitude(context)
-    if mean is None or imu is None or estimate is None or not all(q in imu for q in IMU[0]):
+    turning = context.once(follows_estimate)
+    if mean is None or turning is None:
         return None
-    middle, rates = rates_of(estimate)
-    if len(rates) < FEWEST_ROWS:
-        return None
-    gyro = np.stack([np.interp(middle, imu.time_s, imu[q]) for q in IMU[0]], axis=1)
-    known = np.isfinite(gyro).all(axis=1) & np.isfinite(rates).all(axis=1)
-    gyro, rates = gyro[known] - gyro[known].mean(axis=0), rates[known] - rates[known].mean(axis=0)
-    size = np.outer(np.linalg.norm(gyro, axis=0), np.linalg.norm(rates, axis=0))
-    k = gyro.T @ rates / np.maximum(size, 1e-12)
+    k = turning[0]
     best = max((turn for turn in ROTATIONS if mean @ turn[:, 2] > GRAVITY_SHARE), default=ROTATIONS[0],
                key=lambda turn: float((turn * k).sum()))
     seen = [(i, int(np.argmax(np.abs(best[i])))) for i in range(3)]

@@ -233,7 +233,7 @@ def test_a_hand_held_camera_neither_crashed_nor_stayed_on_the_ground(flown, tilt
 @pytest.mark.parametrize("kept", [("imu",), ("imu", "motor", "battery")])
 @pytest.mark.parametrize("turn", [NED, np.diag([-1.0, 1.0, -1.0]), X_UP, X_UP.T], ids=["FRD", "BLD", "x up", "x down"])
 def test_a_lone_imu_is_asked_about_as_a_whole(flown, turn, kept):
-    """Gravity shows which axis is up, and no more; each of the answers leaves a clean audit."""
+    """Gravity shows which axis is up, and no more. Each answer leaves a clean audit, with motors only the right one."""
     flight = flown["fast figure_eight"]
     bad = with_imu(flight.without_streams(*(set(flight.streams) - set(kept))), turn)
     ((kind, stream, _, evidence),) = about_frames(bad)
@@ -242,8 +242,10 @@ def test_a_lone_imu_is_asked_about_as_a_whole(flown, turn, kept):
     offered = re.findall(r"\b[FBLRUD]{3}\b", evidence)
     assert len(set(offered)) == 4
     turned = [in_our_axes(bad["imu"], frame_of(name)) for name in offered]
-    assert all(about_frames(bad.with_streams(imu=imu)) == [] for imu in turned)
-    assert any(np.allclose(imu[v], flight["imu"][v]) for imu in turned for v in IMU)
+    right = [all(np.allclose(imu[v], flight["imu"][v]) for v in IMU) for imu in turned]
+    assert sum(right) == 1
+    clean = [about_frames(bad.with_streams(imu=imu)) == [] for imu in turned]
+    assert clean == (right if "motor" in kept else [True] * 4)
 
 
 def test_a_lone_imu_in_our_axes_is_no_finding(flown):

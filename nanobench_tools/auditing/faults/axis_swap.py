@@ -4,7 +4,8 @@ Found by the correlations of all axes of a stream with all axes of the motion ca
 Another order of axes must raise their sum by 0.5. Every axis that moved must correlate by more than 0.4 with its new
 partner and with one sign over the seconds of the flight. Gravity that lies along x or y gives the accelerometer's
 away. A path whose mirror image follows the tilt gives away that of the tracked x and y. So does another axis than z
-that rises in flight, of a vehicle that tilts as one with z up. Axes that turned as a whole are ``frame``.
+that rises in flight, of a vehicle that tilts as one with z up. The turning that four motors cause gives away motors in
+another order, and a gyro that no attitude judges. Axes that turned as a whole are ``frame``.
 
 Size: nan. Smallest found: axes that both move enough for a correlation of 0.4.
 """
@@ -16,6 +17,7 @@ import math
 from ...flight import Fault, Flight
 from ...signals.context import Context
 from ...signals.held_poses import POSITION
+from ...signals.motor_turning import MOTORS, judged_gyro, other_order
 from ...signals.own_reference import contradictions
 from ...signals.own_turning import own_turning
 from ...signals.stream_frames import unexplained, unexplained_gravity
@@ -47,6 +49,7 @@ def wrong_axes(context: Context) -> list[tuple[str, tuple[str, ...], str]]:
         seen = ", ".join(f"{GYRO[i]} turns as {'xyz'[own.order[i]]} of the estimated attitude "
                          f"({own.follows[i, own.order[i]]:+.2f})" for i in places)
         found.append(("imu", tuple(GYRO[i] for i in places), seen))
+    found += _by_motors(context)
     mirror = context.once(mirrored)
     if mirror is not None and mirror.swapped and not any(stream == "mocap" for stream, *_ in found):
         found.append(("mocap", mirror.quantities, "the vehicle speeds up along each as it tilts along the other "
@@ -65,6 +68,23 @@ def wrong_axes(context: Context) -> list[tuple[str, tuple[str, ...], str]]:
         found.append(("imu", (ACC[gravity.axis], "acc_z"),
                       f"gravity lies along {ACC[gravity.axis]} ({gravity.mean[gravity.axis]:.2f} m/s^2)"))
     return found
+
+
+def _by_motors(context: Context) -> list[tuple[str, tuple[str, ...], str]]:
+    """Axes of the gyro, or motors, that changed places by the turning that the motors cause."""
+    other = context.once(other_order)
+    if other is None:
+        return []
+    turning, by_gyro = other
+    if by_gyro and turning.gyro is not None:
+        return [("imu", GYRO[:2], "gyro_x turns as the motors push about y, and gyro_y as they push about x "
+                                  f"({turning.follows.min():+.2f}); or the motors are in another order")
+                ] if turning.gyro[0] == (1, 0) else []
+    moved = [i for i in range(4) if turning.motors[i] != i]
+    pushes = ", ".join(f"{MOTORS[i]} turns the vehicle as {MOTORS[turning.motors[i]]} does" for i in moved)
+    return [("motor", tuple(MOTORS[i] for i in moved),
+             f"{pushes} (correlation {turning.follows.min():+.2f} or more in that order); m1 is front right, then "
+             "clockwise" + "; or axes of the gyro changed places" * (judged_gyro(context) is None))]
 
 
 def find(flight: Flight, context: Context) -> list[Fault]:

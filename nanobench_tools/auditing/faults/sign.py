@@ -25,6 +25,7 @@ from ...signals.attitude_signs import contradicted_angles
 from ...signals.axis_unit_matching import CLEAR, axis_unit_matches
 from ...signals.context import Context
 from ...signals.estimated_turning import EULER, estimated_attitude
+from ...signals.motor_turning import other_order
 from ...signals.own_reference import contradictions
 from ...signals.pairs import gyro_pair, sums_of
 from ...signals.shared_frame import turns_as
@@ -59,6 +60,11 @@ def wrong_signs(context: Context) -> list[tuple[str, str, str]]:
                               f"{quantity} of {verdict.stream} correlates {k:+.2f} with what the "
                               f"{against(verdict)} predicts" + _or_inverted(context, quantity)))
     found += [(c.stream, c.quantities[0], c.evidence) for c in context.once(contradictions) if c.kind == KIND]
+    other = context.once(other_order)
+    if other is not None and other[1] and other[0].gyro is not None and other[0].gyro[0] == (0, 1):
+        found += [("imu", IMU[0][axis], f"{IMU[0][axis]} turns against what the motors push (correlation "
+                                        f"{-other[0].follows[axis]:+.2f}); or the motors are in another order")
+                  for axis, turned in enumerate(other[0].gyro[1]) if turned < 0]
     angles = context.once(contradicted_angles)
     if angles and not ("attitude" in context.flight and all(q in context.flight["attitude"] for q in EULER)):
         shown = ", ".join(f"{angle} against {gyro} ({k:+.2f})" for angle, gyro, k in angles)

@@ -15,6 +15,7 @@ from __future__ import annotations
 from ...flight import Fault, Flight
 from ...signals.attitude_signs import angle_matches
 from ...signals.context import Context
+from ...signals.motor_turning import motor_turning
 from ...signals.own_reference import contradictions
 from ...signals.own_turning import own_turning
 from ...signals.plausible_ranges import FACTOR
@@ -53,6 +54,11 @@ def find(flight: Flight, context: Context) -> list[Fault]:
                             f"{quantity} of {stream} turns {named.words} times as fast as {other}{named.reading}; one "
                             "of them is in another unit", FACTOR)
         faults += [fault] if not reported & set(fault.columns) else []
+    pushed = context.once(motor_turning)
+    if pushed is not None and pushed.scaled is not None and not any(f.stream == "imu" for f in faults):
+        faults.append(over_stream(KIND, flight, "imu", IMU[0][:2], pushed.scaled.factor, "1",
+                                  f"the motors turn gyro_x {pushed.scaled.words} times as fast as gyro_y"
+                                  f"{pushed.scaled.reading}; one of them is in another unit", FACTOR))
     return faults
 
 
