@@ -32,6 +32,9 @@ map adds motors and commands to a bag. Then the cells are those of a recording w
 
 ## Public data sets
 
+`nanobench audit DATA --verbose` computes such a row from your recordings (`dataset` in audit.json). It has rates,
+quantities, flights per trajectory, speeds, voltage, and the clock of the inertial sensor.
+
 Facts come from files and pages that were looked at; "unknown" where these do not state one. The project contains none
 of these files, and no command downloads them.
 """

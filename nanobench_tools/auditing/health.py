@@ -282,7 +282,7 @@ def _battery(flight: Flight, audit: Audit, air: Sequence[Span]) -> Battery | Non
     standing = good & (stream.time_s < air[0].start_s) & _idle(flight, stream.time_s, air)
     first = time_s < time_s[0] + SAG_S
     sag = float(np.median(stream["vbat"][standing]) - np.median(volt[first])) if (
-        audit.airborne and standing.sum() >= 3) else None
+        audit.airborne and standing.sum() >= 3) else 0.0
     resistance = per_command = None
     if "current" in stream:
         resistance = _slope(time_s, volt, stream["current"][flying])
@@ -290,7 +290,7 @@ def _battery(flight: Flight, audit: Audit, air: Sequence[Span]) -> Battery | Non
         motor = flight["motor"]
         per_command = _slope(time_s, volt, np.interp(time_s, motor.time_s, motor[list(motors)].mean(axis=1)))
     return Battery(float(np.median(volt[first])), float(np.median(volt[time_s > time_s[-1] - SAG_S])),
-                   float(volt.min()), sag, resistance, per_command)
+                   float(volt.min()), sag if sag > 0.0 else None, resistance, per_command)
 
 
 def _idle(flight: Flight, time_s: np.ndarray, air: Sequence[Span]) -> np.ndarray:

@@ -44,7 +44,8 @@ def audit(options: Options) -> int:
     uses = [uses_of(entry) for entry in body["flights"]]
     close(options, audit_sentence(body), NEXT.get(verb, "every fault with its evidence"), *command,
           screen=[*audit_screen(options, audits, copies), *uses[:1 if len(uses) == 1 else 0], *assumed(flights)],
-          detail=[*audit_detail(options, audits, copies), *health_lines(body), *uses, *assumed(flights)])
+          detail=[*audit_detail(options, audits, copies), dataset_table(body), *health_lines(body),
+                  *uses, *assumed(flights)])
     return options.finish("audit", body)
 
 
@@ -57,6 +58,13 @@ def uses_of(entry: Mapping[str, Any]) -> str:
     others = "; ".join(f"{', '.join(verbs)}: {lack}" for lack, verbs in lacks.items())
     return one_line(f"{entry['flight']} suffices for {', '.join(good) or 'no verb'}" + (f". Not for {others}" if others
                                                                                         else ""))
+
+
+def dataset_table(body: Mapping[str, Any]) -> Table:
+    """The recordings as a row of a table of data sets, line by line."""
+    from ..auditing.dataset_facts import rows_of
+
+    return Table.plain("Data set", ("of the recordings", "value"), rows_of(body["dataset"]))
 
 
 def health_lines(body: Mapping[str, Any]) -> list[str]:
@@ -85,9 +93,11 @@ def audit_body(flights: Sequence[Flight], audits: Mapping[str, Audit], copies: S
                ) -> dict[str, Any]:
     """The keys of audit.json."""
     from ..auditing.audit_verdict import entry_of
+    from ..auditing.dataset_facts import facts_of
+    from ..results.result import to_json
 
     return {"flights": [entry_of(flight, audits[flight.name]) for flight in flights if flight.name in audits],
-            "copies": [list(group) for group in copies]}
+            "copies": [list(group) for group in copies], "dataset": to_json(facts_of(flights, audits, copies))}
 
 
 def audit_sentence(body: Mapping[str, Any]) -> str:
