@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..protocols.scoring3 import PROGRESS
 from ..tables.quantities import number, shown
 from ..tables.result_table import Score
 from .audit_entry import CLOCK_STREAMS, total
@@ -130,6 +131,41 @@ def by_speed(estimate: Mapping[str, Any] | None) -> Figure | None:
     return Figure("Position error by speed: published protocol and corrected",
                   f"{method}: ATE RMSE after alignment, of each recording, and the mean with its 95 % interval.",
                   [Panel(Axis("speed", rows=names), Axis("ATE RMSE", "mm", log=True), marks, height=420, wide=True)])
+
+
+def progress(estimate: Mapping[str, Any] | None) -> Figure | None:
+    """Position error over the share of the flight, and velocity residuals by axis, by speed: mean and SD over
+    flights."""
+    rows = [row for row in (estimate or {}).get("rows") or [] if row.get("protocol") == "clean"
+            and clock_of(row) == AS_RECORDED and str(row.get("group")).lower() in (*SPEEDS, "all")]
+    method = next((row.get("method") for row in rows), None)
+    rows = [row for row in rows if row.get("method") == method]
+    names = [str(row["group"]) for row in rows if len(rows) == 1 or str(row["group"]).lower() in SPEEDS]
+    style = styled(names)
+    lines: list[Mark] = []
+    residuals: list[Mark] = []
+    for name in names:
+        metrics = next(row["metrics"] for row in rows if str(row["group"]) == name)
+        at = [k for k in range(10, 101, 10) if (metrics.get(PROGRESS.format(k)) or {}).get("mean") is not None]
+        found = [(1e3 * metrics[PROGRESS.format(k)]["mean"], 1e3 * (metrics[PROGRESS.format(k)]["std"] or 0.0))
+                 for k in at]
+        if found:
+            lines.append(Mark(name, [float(k) for k in at], [m for m, _ in found], "both",
+                              low=[max(m - sd, 0.0) for m, sd in found], high=[m + sd for m, sd in found],
+                              **style[name]))
+        axes = [Score.of(metrics.get(f"velocity_{a}_rmse_m_s")).mean for a in "xyz"]
+        if None not in axes:
+            residuals.append(Mark(name, [0.0, 1.0, 2.0], axes, "both", **style[name]))
+    if not lines:
+        return None
+    panels = [Panel(Axis("share of the flight", "%", range=(0.0, 105.0)), Axis("position error", "mm", zero=True),
+                    lines, "position error, not aligned", 300)]
+    if residuals:
+        panels.append(Panel(Axis("axis of the world", rows=["x", "y", "z"]), Axis("velocity RMSE", "m/s", zero=True),
+                            residuals, "velocity residuals", 300))
+    return Figure("Error over the progress of the flight",
+                  f"{method}: mean and standard deviation over the flights of a speed, in each tenth of the scored "
+                  "time. The velocity residuals are estimate less motion capture.", panels)
 
 
 def blackout(estimate: Mapping[str, Any] | None) -> Figure | None:

@@ -136,7 +136,8 @@ def sections(results: Mapping[str, Mapping[str, Any]], tables: Sequence[Table],
 
     return [
         Section("where", "Where was it?", "State estimation against motion capture", words.task3(results), drawn(
-            wander=wander, blackout=overview_pictures.blackout(estimate), **estimate_figures.pictures(estimate)),
+            wander=wander, progress=overview_pictures.progress(estimate),
+            blackout=overview_pictures.blackout(estimate), **estimate_figures.pictures(estimate)),
             **of("table_task3", "table_task3_clocks")),
         Section("control", "How well was it flown, and how would another controller fly?", "Tracking, and the plant",
                 words.task2(results), drawn(**control_pictures.pictures(control)), **of("table_task2", "table_task2")),

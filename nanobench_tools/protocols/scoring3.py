@@ -15,6 +15,9 @@ from ..metrics import alignment, attitude, consistency, timing, trajectory
 
 NAN = float("nan")
 PROBABILITY = 0.95
+TENTHS = 10
+PROGRESS = "error_until_{}_percent_m"
+"""Mean position error in the tenth of the scored time that ends at this share of it."""
 
 
 def published_metrics(estimate_m: np.ndarray, truth_m: np.ndarray, estimate_m_s: np.ndarray | None,
@@ -72,6 +75,22 @@ def further_metrics(time_s: np.ndarray, estimate_m: np.ndarray, estimate_q: np.n
     split = timing.along_across(e[delay.rows], delay.truth_m, delay.velocity_m_s)
     values = (delay.delay_s, delay.rmse_after_m, split.along_rmse_m, split.across_rmse_m)
     return found | dict(zip(names, values, strict=True))
+
+
+def velocity_residuals(estimate_m_s: np.ndarray | None, truth_m_s: np.ndarray) -> dict[str, float]:
+    """Error of the velocity along each axis of the world, (n, 3) m/s: its RMS and its mean, estimate less truth."""
+    error = np.full_like(truth_m_s, NAN) if estimate_m_s is None else estimate_m_s - truth_m_s
+    return {**{f"velocity_{a}_rmse_m_s": trajectory.rms(error[:, i]) for i, a in enumerate("xyz")},
+            **{f"velocity_{a}_mean_m_s": float(error[:, i].mean()) for i, a in enumerate("xyz")}}
+
+
+def progress_metrics(time_s: np.ndarray, estimate_m: np.ndarray, truth_m: np.ndarray) -> dict[str, float]:
+    """Mean position error, not aligned [m], in each tenth of the scored time; nan for one without a row."""
+    share = (time_s - time_s[0]) / max(time_s[-1] - time_s[0], 1e-9)
+    part = np.minimum((share * TENTHS).astype(int), TENTHS - 1)
+    error = np.linalg.norm(estimate_m - truth_m, axis=1)
+    return {PROGRESS.format(100 * (k + 1) // TENTHS): float(error[part == k].mean()) if (part == k).any() else NAN
+            for k in range(TENTHS)}
 
 
 def consistency_metrics(estimate: Estimate, rows: np.ndarray, truth_m: np.ndarray) -> dict[str, float]:

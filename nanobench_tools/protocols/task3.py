@@ -38,7 +38,14 @@ from .phases import MOTOR_ON, flown_spans, is_cut
 from .published import beside
 from .result_rows import EstimateRow, Scored
 from .score_tables import group_order, groups_of, summaries
-from .scoring3 import attitude_metrics, consistency_metrics, further_metrics, published_metrics
+from .scoring3 import (
+    attitude_metrics,
+    consistency_metrics,
+    further_metrics,
+    progress_metrics,
+    published_metrics,
+    velocity_residuals,
+)
 from .sessions import Drawn, Sessions
 
 PROTOCOLS = ("as-published", "as-published-corrected", "clean")
@@ -316,6 +323,7 @@ def score_given(case: Case, method: Estimator, protocol: str, flight: Flight, gi
     else:
         metrics |= attitude_metrics(q, truth.quaternion)
         metrics |= further_metrics(t, p, q, truth.position_m, truth.quaternion, truth_m_s, spans)
+        metrics |= velocity_residuals(v, truth_m_s) | progress_metrics(t, p, truth.position_m)
         metrics |= consistency_metrics(estimate, rows, truth.position_m)
     if not is_logged(method):
         metrics["covered_percent"] = 100.0 * share

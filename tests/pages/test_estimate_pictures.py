@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nanobench_tools.pages import estimate_figures
+from nanobench_tools.pages import estimate_figures, overview_pictures
 
 
 def band(method, name="10 Hz: a", clock="as-recorded"):
@@ -57,3 +57,22 @@ def test_attribution_bars_have_intervals():
     assert below.marks[0].low == pytest.approx([3.0])
     assert below.marks[0].across
     assert estimate_figures.attribution({}) is None
+
+
+def test_error_over_progress_by_speed():
+    def row(group, first, **more):
+        metrics = {f"error_until_{k}_percent_m": {"mean": first * k, "std": 0.5 * first * k}
+                   for k in range(10, 101, 10)}
+        metrics |= {f"velocity_{a}_rmse_m_s": {"mean": 0.1 * (k + 1), "std": 0.0} for k, a in enumerate("xyz")}
+        return {"protocol": "clean", "method": "onboard_ekf", "group": group, "metrics": metrics, "n": 3} | more
+
+    rows = [row("all", 3.0), row("slow", 0.001), row("fast", 0.002), row("slow", 9.0, method="other"),
+            row("slow", 9.0, protocol="aided")]
+    drawing = overview_pictures.progress({"rows": rows})
+    error, velocity = drawing.panels
+    assert [mark.name for mark in error.marks] == ["slow", "fast"]
+    assert error.marks[0].y == pytest.approx([float(k) for k in range(10, 101, 10)])
+    assert error.marks[1].high == pytest.approx([3.0 * k for k in range(10, 101, 10)])
+    assert velocity.marks[0].y == pytest.approx([0.1, 0.2, 0.3])
+    assert overview_pictures.progress({"rows": rows[3:4]}).panels
+    assert overview_pictures.progress({"rows": []}) is None

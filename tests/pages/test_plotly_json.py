@@ -28,7 +28,8 @@ def drawn(*marks, **panel):
 @pytest.fixture
 def all_drawings(make, flights, results):
     found = [overview_pictures.flights(results["audit"]), overview_pictures.task1(results["sysid"], True),
-             overview_pictures.by_speed(results["estimate"]), overview_pictures.clocks(results["audit"]),
+             overview_pictures.by_speed(results["estimate"]), overview_pictures.progress(results["estimate"]),
+             overview_pictures.clocks(results["audit"]),
              *estimate_figures.pictures(results["estimate"]).values(),
              *control_pictures.pictures(control_body).values(),
              recording.figure(flights[0], make.entry(flights[0]), None),

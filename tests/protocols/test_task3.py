@@ -49,6 +49,34 @@ def test_a_late_estimate_scores_what_it_should():
     assert metrics["attitude_geodesic_rmse_deg"] == pytest.approx(0.0, abs=1e-9)
 
 
+def test_velocity_residuals_and_progress_are_those_of_the_estimate():
+    flight = made_flight()
+
+    class Drifting:
+        """10 mm/s along y, from the first row on, and 0.1 m/s too fast along z."""
+
+        name, causal = "drifting", False
+
+        def estimate(self, given):
+            m = flight["mocap"]
+            place, speed = m["px", "py", "pz"].copy(), m["vx", "vy", "vz"].copy()
+            place[:, 1] += 0.01 * m.time_s
+            speed[:, 2] += 0.1
+            return Estimate(m.time_s, place, m["qx", "qy", "qz", "qw"], speed)
+
+    case = one_case(flight)
+    scored = task3.score(case, Drifting(), "clean")
+    metrics, time_s = scored.metrics, scored.trajectory[:, 0]
+    assert [metrics[f"velocity_{a}_rmse_m_s"] for a in "xyz"] == pytest.approx([0.0, 0.0, 0.1])
+    assert [metrics[f"velocity_{a}_mean_m_s"] for a in "xyz"] == pytest.approx([0.0, 0.0, 0.1])
+    length = time_s[-1] - time_s[0]
+    middles = [time_s[0] + length * (k + 0.5) / 10.0 for k in range(10)]
+    found = [metrics[f"error_until_{10 * (k + 1)}_percent_m"] for k in range(10)]
+    assert found == pytest.approx([0.01 * t for t in middles], abs=2e-4)
+    published = task3.score(one_case(flight, protocol="as-published"), EKF, "as-published").metrics
+    assert "velocity_x_rmse_m_s" not in published
+
+
 def test_a_perfect_estimator_scores_zero():
     flight = made_flight()
 
