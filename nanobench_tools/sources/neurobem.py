@@ -129,22 +129,27 @@ def _map(grid: Grid, q: list[str]) -> ColumnMap:
 def _velocity(mocap: Stream) -> tuple[Stream, str]:
     """The velocity in the world, and how it was read; without it where the path moves otherwise."""
     if any(v not in mocap for v in VELOCITY):
-        return mocap, "mocap without velocity"
+        return _without_velocity(mocap), "mocap without velocity"
+    if any(name not in mocap for name in ("px", "py", "pz", *(f"q{a}" for a in "xyzw"))):
+        return _without_velocity(mocap), "velocity left out: without whole poses its axes are not known"
     written, place = mocap[VELOCITY], mocap["px", "py", "pz"]
     turned = so3.rotate(mocap["qx", "qy", "qz", "qw"], written)
     in_world, in_body = (error_m_s(v, place, mocap.time_s) for v in (written, turned))
     speed = float(np.nanquantile(np.linalg.norm(written, axis=1), 0.75))
     if min(in_world, in_body) > FITS * speed:
-        kept = [k for k, name in enumerate(mocap.quantities) if name not in VELOCITY]
-        return replace(mocap, values=mocap.values[:, kept], columns=tuple(mocap.columns[k] for k in kept),
-                       quantities=tuple(mocap.quantities[k] for k in kept),
-                       unit=tuple(mocap.unit[k] for k in kept)), (
+        return _without_velocity(mocap), (
             "velocity left out: the path does not move by it, neither in the body nor in the world")
     if in_world * BETTER < in_body:
         return mocap, "velocity is in the world, as the path shows"
     values = mocap.values.copy()
     values[:, [mocap.index(v) for v in VELOCITY]] = turned
     return replace(mocap, values=values), "velocity turned from the body into the world"
+
+
+def _without_velocity(mocap: Stream) -> Stream:
+    kept = [k for k, name in enumerate(mocap.quantities) if name not in VELOCITY]
+    return replace(mocap, values=mocap.values[:, kept], columns=tuple(mocap.columns[k] for k in kept),
+                   quantities=tuple(mocap.quantities[k] for k in kept), unit=tuple(mocap.unit[k] for k in kept))
 
 
 def _kind(grid: Grid, q: list[str], acc: np.ndarray) -> str:
