@@ -34,6 +34,7 @@ AUTOPILOT = frozenset("""
 """Words of the flight controller; a tracker's pose under them was forwarded to it."""
 OTHER_SENSOR = frozenset("""
     camera cam realsense d435 d435i d455 t265 zed livox ouster os0 os1 os2 hesai lidar velodyne laser phone
+    lsm9ds1
     """.split())  # noqa: SIM905
 """Words of a device with a separate inertial sensor."""
 RAW = frozenset({"raw"})
@@ -42,8 +43,11 @@ FUNCTION = WANTED | TRACKED | ESTIMATED | AUTOPILOT | OTHER_SENSOR | RAW | froze
     voltage info sensor sensors client node server driver ros rviz tf static world map ground transform
     stamped stamp topic in out body frame base link cov covariance with rate raw mag magnetometer gps
     baro pressure range height altitude cloud points uwb
+    sample inter
     """.split())  # noqa: SIM905
 """Words that say what a topic is, and not whose."""
+TRACKED_TOPICS = frozenset({"/blackbird/state"})
+"""Topics that data sets describe as motion capture."""
 WORLDS = frozenset("""
     world map mocap vicon optitrack qualisys motive earth odom global origin
     """.split())  # noqa: SIM905
@@ -98,7 +102,7 @@ class Topic:
     def role(self) -> Role:
         """Of a topic of poses."""
         words = set(self.words)
-        tracked = bool(words & TRACKED) or ("ground" in words and "truth" in words)
+        tracked = self.name in TRACKED_TOPICS or bool(words & TRACKED) or ("ground" in words and "truth" in words)
         if words & WANTED:
             return Role.NONE if tracked else Role.SETPOINT
         if tracked:

@@ -18,6 +18,7 @@ POSE, TRANSFORM, _, ODOMETRY, _ = POSES
     ("/hummingbird/ground_truth/odometry", ODOMETRY, Role.TRACKER), ("/uav1/pose", POSE, Role.UNKNOWN),
     ("/mavros/setpoint_position/local", POSE, Role.SETPOINT), ("/uav1/reference", POSE, Role.SETPOINT),
     ("/planner/desired_pose", POSE, Role.SETPOINT), ("/move_base_simple/goal", POSE, Role.SETPOINT),
+    ("/blackbird/state", POSE, Role.TRACKER),
     ("/cf1/cmd_pose", POSE, Role.SETPOINT), ("/vicon/target/pose", POSE, Role.NONE),
 ])
 def test_roles(name, kind, role):
@@ -75,3 +76,12 @@ def test_the_imu_of_a_lidar_is_not_the_vehicles():
     found = streams(("/imu/imu", IMU), ("/os1_cloud_node1/imu", IMU), ("/os1_cloud_node2/imu", IMU),
                     ("/leica/pose/relative", POSE), moved={"/leica/pose/relative": 5.0})
     assert found == {"": {"imu": "/imu/imu", "mocap": "/leica/pose/relative"}}
+
+
+def test_several_imus_on_board_are_one_vehicle():
+    """INSANE: the autopilot's inertial sensor, one on a board of its own, and a camera's."""
+    found = streams(("/mavros/imu/data_raw", IMU), ("/imu_lsm9ds1/data_raw", IMU), ("/realsense/imu", IMU),
+                    ("/vrpn_client/raw_transform", POSE), ("/realsense/odom/sample", POSE),
+                    moved={"/vrpn_client/raw_transform": 5.0, "/realsense/odom/sample": 5.0})
+    assert found == {"": {"imu": "/mavros/imu/data_raw", "mocap": "/vrpn_client/raw_transform",
+                          "estimator": "/realsense/odom/sample"}}
