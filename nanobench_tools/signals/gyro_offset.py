@@ -13,6 +13,7 @@ import numpy as np
 
 from ..settings import number
 from .context import Context
+from .dropouts import alive_until
 from .estimated_turning import known_estimate, known_gyro, rates_of
 from .gravity import gravity_axis
 from .mocap_derivatives import derivatives_of
@@ -57,7 +58,7 @@ def gyro_offset(context: Context) -> GyroOffset | None:
     for by, turning in (("tracked attitude", _tracked(context)), ("estimated attitude", _estimated(context))):
         if turning is not None and (offset := _against(time_s, gyro, *turning)) is not None:
             return GyroOffset(*offset, f"the {by} turns")
-    return _at_rest(context, time_s, gyro)
+    return _at_rest(context)
 
 
 def _tracked(context: Context) -> tuple[np.ndarray, np.ndarray] | None:
@@ -110,22 +111,33 @@ def _fit(design: np.ndarray, values: np.ndarray) -> tuple[float, float]:
     return float(estimate[3]), float(np.sqrt(covariance[3, 3]))
 
 
-def _at_rest(context: Context, time_s: np.ndarray, gyro: np.ndarray) -> GyroOffset | None:
+def resting_blocks(context: Context) -> list[tuple[float, np.ndarray, np.ndarray]]:
+    """Time [s], mean gyro (3,) rad/s and mean specific force (3,) m/s^2 of every ``BLOCK_S`` in which both are steady.
+
+    Empty without gyro and accelerometer."""
+    imu = context.once(usable_streams).get("imu")
+    if imu is None or not all(q in imu for vector in IMU for q in vector):
+        return []
+    known = np.isfinite(imu[(*IMU[0], *IMU[1])]).all(axis=1) & (imu.time_s <= context.once(alive_until)["imu"])
+    time_s, gyro, acc = imu.time_s[known], imu[IMU[0]][known], imu[IMU[1]][known]
+    block = np.floor((time_s - time_s[0]) / BLOCK_S) if len(time_s) else time_s
+    return [(float(time_s[rows].mean()), gyro[rows].mean(axis=0), acc[rows].mean(axis=0))
+            for rows in np.split(np.arange(len(time_s)), np.flatnonzero(np.diff(block)) + 1)
+            if len(rows) > 4 and gyro[rows].std(axis=0).max() < STILL_RAD_S
+            and acc[rows].std(axis=0).max() < STILL_M_S2]
+
+
+def _at_rest(context: Context) -> GyroOffset | None:
     """By blocks in which gyro and accelerometer are steady: gravity does not turn there, so that the gyro turns about
     it at most. That axis counts only while the motors are off."""
-    gravity, imu = context.once(gravity_axis), context.once(usable_streams)["imu"]
+    gravity = context.once(gravity_axis)
     if gravity is None:
         return None
-    acc = np.stack([np.interp(time_s, imu.time_s, imu[q]) for q in IMU[1]], axis=1)
     motor = context.once(usable_streams).get("motor")
     rests = []
-    block = np.floor((time_s - time_s[0]) / BLOCK_S)
-    for rows in np.split(np.arange(len(time_s)), np.flatnonzero(np.diff(block)) + 1):
-        if len(rows) < 5 or gyro[rows].std(axis=0).max() > STILL_RAD_S or acc[rows].std(axis=0).max() > STILL_M_S2:
-            continue
-        mean = gyro[rows].mean(axis=0)
-        within = None if motor is None else motor.values[(motor.time_s >= time_s[rows[0]])
-                                                         & (motor.time_s <= time_s[rows[-1]])]
+    for at, gyro, _ in resting_blocks(context):
+        mean = gyro.copy()
+        within = None if motor is None else motor.values[np.abs(motor.time_s - at) <= 0.5 * BLOCK_S]
         if within is None or not len(within) or np.nan_to_num(within).any():
             mean[gravity.axis] = np.nan
         rests.append(mean)

@@ -38,6 +38,7 @@ KINDS = {
     "never_flew",
     "wrong_speed",
     "crash",
+    "constant_offset",
     "copy",
     "missing_column",
     "extra_column",

@@ -1,0 +1,43 @@
+"""Constant offsets of velocity, tilt and accelerometer, with and without motion capture."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nanobench_tools.auditing.faults import constant_offset
+from nanobench_tools.signals.context import Context
+
+
+@pytest.fixture(scope="module", params=["tracked", "alone"])
+def flown(request, crowd):
+    flight = crowd.log("fast figure_eight")[0].without_streams("attitude_qw")
+    return flight if request.param == "tracked" else flight.without_streams("mocap")
+
+
+def _found(flight, stream, quantity, by):
+    values = flight[stream].values.copy()
+    values[:, flight[stream].index(quantity)] += by
+    bad = flight.with_streams(**{stream: replace(flight[stream], values=values)})
+    return constant_offset.find(bad, Context(bad))
+
+
+def test_a_right_recording_is_no_finding(flown):
+    assert constant_offset.find(flown, Context(flown)) == []
+
+
+@pytest.mark.parametrize(("stream", "quantity"), [("estimator", "vx"), ("estimator", "vz"), ("attitude", "roll"),
+                                                  ("attitude", "pitch"), ("imu", "acc_x"), ("imu", "acc_z")])
+def test_half_a_unit_is_found_with_its_size(flown, stream, quantity):
+    (fault,) = _found(flown, stream, quantity, 0.5)
+    assert fault.columns == (flown[stream].columns[flown[stream].index(quantity)],)
+    assert fault.size == pytest.approx(0.5, abs=0.1)
+
+
+def test_the_next_offset_is_judged_after_axes_and_units(flown):
+    imu = flown["imu"]
+    bad = flown.with_streams(imu=replace(imu, values=np.where(np.array(imu.quantities) == "acc_z", -1.0, 1.0)
+                                         * imu.values + 0.5 * (np.array(imu.quantities) == "acc_x")))
+    assert constant_offset.find(bad, Context(bad)) == []
