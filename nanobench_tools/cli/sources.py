@@ -17,6 +17,7 @@ GOOD_FOR: dict[str, tuple[str, str]] = {
     "nanobench": ("NanoBench CSV with its sheet", "every verb"),
     "table": ("your own CSV or Parquet", "first: nanobench columns FILE"),
     "usd": ("Crazyflie uSD log", "audit, thrust, motors; more: --mocap"),
+    "cfclient": ("cfclient log, CSV", "audit; more: --mocap"),
     "ulog": ("PX4 log (.ulg)", "audit, thrust; more if it has mocap"),
     "ardupilot": ("ArduPilot log (.bin)", "audit, thrust, motors"),
     "blackbox": ("Betaflight, INAV: CSV", "audit, thrust; .bbl: blackbox_decode"),

@@ -16,6 +16,7 @@ CONTENTS: dict[str, Contents] = {
                   "setpoint": ("x", "y", "z", "yaw"), "battery": ("vbat",)},
     "usd": {"imu": IMU, "motor": MOTORS, "rpm": MOTORS, "battery": ("vbat",), "estimator": ESTIMATE,
             "attitude_qw": ROTATION},
+    "cfclient": {"imu": IMU, "battery": ("vbat",), "estimator": ESTIMATE},
     "usd_blocks": {"imu": ("gyro_x", "gyro_y", "gyro_z"), "motor": MOTORS, "battery": ("vbat",), "estimator": ESTIMATE,
                    "estimator_acc": ACCELERATION, "attitude_qw": ROTATION},
     "ulog": {"imu": IMU, "motor": MOTORS, "battery": ("vbat",), "estimator": ESTIMATE, "attitude_qw": ROTATION,

@@ -7,6 +7,8 @@ from asl_samples import members, write_folder
 from foreign_files import FOREIGN
 from test_ardupilot import log as ardupilot
 from test_blackbox import log as blackbox
+from test_cfclient import blocks as client_blocks
+from test_cfclient import write as write_blocks
 from test_idsia import columns, text
 from test_insane import tables
 from test_insane import write as write_insane
@@ -24,6 +26,8 @@ from tools.source_matrix import PAGE, cell, flight_of, page
 def file_of(source, folder):
     if source == "euroc":
         return write_folder(folder, members())
+    if source == "cfclient":
+        return write_blocks(folder / "flight", client_blocks())
     if source == "insane":
         return write_insane(folder / "flight", tables())
     if source == "uzhfpv":
@@ -40,7 +44,7 @@ def file_of(source, folder):
 
 
 @pytest.mark.parametrize("source", ["euroc", "uzhfpv", "idsia", "usd_blocks", "tum", "dido", "blackbird", "neurobem",
-                                    "neural_fly", "insane", "blackbox", "ardupilot"])
+                                    "neural_fly", "insane", "blackbox", "ardupilot", "cfclient"])
 def test_contents_are_those_of_a_file_of_the_source(source, tmp_path):
     (flight,) = load_recordings([file_of(source, tmp_path)], cache=False).flights
     assert flight.provenance.source == source
