@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, overload
 
 from ..auditing.audit_verdict import AuditVerdict, verdict_of
-from ..auditing.health import Health, health_of
+from ..auditing.flight_health import Health, health_of
 from ..auditing.recording_audit import Audit
 from ..auditing.verb_needs import can
 from ..flight import Flight, Span

@@ -9,7 +9,7 @@ from ..flight import Flight, Span, intersect_spans, subtract_spans
 from ..results.result import Result, to_json
 from .fault_events import FaultEvent, events_of
 from .faults.kinds import cutting, kinds
-from .health import health_of
+from .flight_health import health_of
 from .recording_audit import Audit
 from .verb_needs import can
 

@@ -69,7 +69,7 @@ def dataset_table(body: Mapping[str, Any]) -> Table:
 
 def health_lines(body: Mapping[str, Any]) -> list[str]:
     """Vibration and battery of each recording, in a line."""
-    from ..auditing.health import sentence_of
+    from ..auditing.flight_health import sentence_of
 
     return [one_line(f"{entry['flight']}: {line}") for entry in body["flights"]
             if (line := sentence_of(entry["health"]))]

@@ -13,7 +13,7 @@ import numpy as np
 
 from .. import so3
 from ..auditing.faults.kinds import cutting, group_of
-from ..auditing.health import sentence_of
+from ..auditing.flight_health import sentence_of
 from ..flight import Flight, Span, Stream, mask_of
 from ..tables.quantities import DASH, format_number, number
 from .audit_entry import clock_points, cut_spans, share_valid, span_of, streams_of, total

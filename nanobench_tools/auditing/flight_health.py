@@ -266,7 +266,7 @@ def _thinned(frequency: np.ndarray, density: np.ndarray) -> tuple[tuple[float, f
     """At most POINTS, each the largest of its stretch."""
     parts = np.array_split(np.arange(len(frequency)), min(POINTS, len(frequency)))
     best = [part[np.argmax(density[part])] for part in parts]
-    return tuple((float(frequency[k]), float(density[k])) for k in best)
+    return tuple((float(f"{frequency[k]:.5g}"), float(f"{density[k]:.4g}")) for k in best)
 
 
 def _battery(flight: Flight, audit: Audit, air: Sequence[Span]) -> Battery | None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nanobench_tools.auditing.audit_verdict import entry_of
-from nanobench_tools.auditing.health import health_of, sentence_of
+from nanobench_tools.auditing.flight_health import health_of, sentence_of
 from nanobench_tools.auditing.recording_audit import Audit
 from nanobench_tools.flight import Fault, Flight, Provenance, Span, make_stream
 from nanobench_tools.signals.rates import RateReading
