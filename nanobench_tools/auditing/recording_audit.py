@@ -19,6 +19,7 @@ from ..signals.airborne import airborne_spans
 from ..signals.context import Context
 from ..signals.controller import controller_of
 from ..signals.rates import RateReading, rates_of
+from ..signals.unchecked import unchecked
 from ..signals.usable_rows import whole_span
 from ..time_offsets.constant.reading import ClockReading
 from ..time_offsets.moving.moving_readings import clocks_with_time_offset
@@ -37,6 +38,7 @@ class Audit(Result):
       other streams (``clean_for`` with the battery cuts it).
     - clock and rates: per stream.
     - lost_link: how a flight ended whose link or log was lost in the air, in words; "" for others.
+    - unchecked: signs, axes and offsets that no other column of the recording shows, in words.
     """
 
     flight: str
@@ -50,6 +52,7 @@ class Audit(Result):
     rates: dict[str, RateReading]
     span: Span
     lost_link: str = ""
+    unchecked: tuple[str, ...] = ()
 
     def clean_for(self, streams: Iterable[str], kinds: Iterable[str] | None = None) -> tuple[Span, ...]:
         """Spans of the recording without a fault of ``kinds`` (None: of those that cut) in ``streams``; not intersected
@@ -99,6 +102,7 @@ class Audit(Result):
                        for f in self.faults],
             "clock": _shared(to_json(self.clock)),
             "rates": {name: {"samples": r.samples, "rate_hz": _number(r.rate_hz)} for name, r in self.rates.items()},
+            "unchecked": list(self.unchecked),
         } | ({"lost_link": self.lost_link} if self.lost_link else {})
 
     @classmethod
@@ -120,6 +124,7 @@ class Audit(Result):
             rates={name: RateReading(r["samples"], _nan(r["rate_hz"])) for name, r in body["rates"].items()},
             span=Span(*body["span"]),
             lost_link=body.get("lost_link", ""),
+            unchecked=tuple(body.get("unchecked", ())),
         )
 
 
@@ -168,7 +173,8 @@ def audit(flight: Flight, context: Context | None = None) -> Audit:
     return Audit(flight=flight.name, path=flight.provenance.path, sha256=flight.provenance.sha256,
                  controller=controller_of(context), airborne=context.once(airborne_spans),
                  clean=subtract_spans([span], cuts), faults=tuple(faults), clock=clocks_with_time_offset(context),
-                 rates=context.once(rates_of), span=span, lost_link=lost_link_of(flight.metadata))
+                 rates=context.once(rates_of), span=span, lost_link=lost_link_of(flight.metadata),
+                 unchecked=context.once(unchecked))
 
 
 def lost_link_of(sheet: Mapping[str, Any]) -> str:

@@ -41,9 +41,10 @@ def audit(options: Options) -> int:
     body = audit_body(flights, audits, copies)
     verb = next((v for v in NEXT if any(not entry["can"][v] for entry in body["flights"])), "")
     command = ("nanobench", verb, *same(options)) if verb else () if options.verbose else again("--verbose")
-    uses = [uses_of(entry) for entry in body["flights"]]
+    uses = [line for entry in body["flights"] for line in (uses_of(entry), open_of(entry)) if line]
     close(options, audit_sentence(body), NEXT.get(verb, "every fault with its evidence"), *command,
-          screen=[*audit_screen(options, audits, copies), *uses[:1 if len(uses) == 1 else 0], *assumed(flights)],
+          screen=[*audit_screen(options, audits, copies), *(uses if len(body["flights"]) == 1 else ()),
+                  *assumed(flights)],
           detail=[*audit_detail(options, audits, copies), dataset_table(body), *health_lines(body),
                   *uses, *assumed(flights)])
     return options.finish("audit", body)
@@ -73,6 +74,12 @@ def health_lines(body: Mapping[str, Any]) -> list[str]:
 
     return [one_line(f"{entry['flight']}: {line}") for entry in body["flights"]
             if (line := sentence_of(entry["health"]))]
+
+
+def open_of(entry: Mapping[str, Any]) -> str:
+    """Signs, axes and offsets that no other column shows, in one line; "" where everything is checked."""
+    left = entry["unchecked"]
+    return one_line(f"{entry['flight']} cannot be checked for {'; '.join(left)}") if left else ""
 
 
 def assumed(flights: Sequence[Flight]) -> list[str]:

@@ -13,6 +13,7 @@ from .dropouts import alive_until
 from .estimated_turning import REACH_S, SHORTEST_S, STEP_S, TURN_S
 from .held_poses import ROTATION
 from .known_factors import NamedFactor, named_factor
+from .own_turning import own_turning
 from .pairs import gyro_pair, sums_of
 from .quaternions import UNIT_WITHIN, quaternion_orders
 from .stream_frames import EULER, IMU, stream_turns
@@ -50,7 +51,10 @@ class AngleMatch:
 
 def contradicted_angles(context: Context) -> list[tuple[str, str, float]]:
     """(angle, column of the gyro, correlation) of every axis about which the two turn against each other."""
-    return [(m.angle, m.gyro, float(m.follows.min())) for m in context.once(angle_matches) if m.against]
+    own = context.once(own_turning)
+    turning = np.zeros(3) if own is None or own.order != (0, 1, 2) else np.diag(own.follows)
+    return [(m.angle, m.gyro, float(min(m.follows.min(), turning[EULER.index(m.angle)])))
+            for m in context.once(angle_matches) if m.against or turning[EULER.index(m.angle)] < -AGAINST]
 
 
 def angle_matches(context: Context) -> list[AngleMatch]:

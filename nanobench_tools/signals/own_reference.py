@@ -7,7 +7,7 @@ real flights the estimated velocity correlates by +0.6 to +1.0 with the rate of 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -73,8 +73,7 @@ def contradictions(context: Context) -> list[Contradiction]:
     places = list(_places(context, own))
     wrong = {q for found in places for q in found.quantities}
     follows = straight(own) > FOLLOWS
-    matches = [match for make in (*JUDGES, request_pair) for match in [_match(own, make)]
-               if match is not None]
+    matches = matches_by_estimate(own, (*JUDGES, request_pair))
     found = places + [c for match in matches for c in _of_match(match, follows)
                       if match.stream == "pid" or not wrong & {q[-1] for q in c.quantities}]
     if height_alone(context.once(usable_streams)["estimator"]) and not any({"z", "vz"} & set(c.quantities)
@@ -84,9 +83,11 @@ def contradictions(context: Context) -> list[Contradiction]:
     return found
 
 
-def _match(own: Context, make: MakePair) -> AxisUnitMatch | None:
-    sums, pair = sums_of(own, make), own.once(make)
-    return None if sums is None or pair is None else match_of(pair, sums)
+def matches_by_estimate(own: Context, pairs: Iterable[MakePair] = JUDGES) -> list[AxisUnitMatch]:
+    """Those of ``pairs`` that can be formed in the context of ``own_reference``."""
+    formed = [(own.once(make), sums_of(own, make)) for make in pairs]
+    matches = [match_of(pair, sums) for pair, sums in formed if pair is not None and sums is not None]
+    return [match for match in matches if match is not None]
 
 
 def _places(context: Context, own: Context) -> Iterator[Contradiction]:
@@ -102,7 +103,7 @@ def _places(context: Context, own: Context) -> Iterator[Contradiction]:
                             f"the estimate speeds up along {', '.join(along)} as the mirror image of its tilt "
                             f"({mirror.follows:+.2f})")
         return
-    judges = [match for make in JUDGES for match in [_match(own, make)] if match is not None and not match.swapped]
+    judges = [match for match in matches_by_estimate(own) if not match.swapped]
     for i, quantity in enumerate(PLACE):
         signs = [match.sign[i] for match in judges]
         if signs.count(-1) > 1 and max(signs) < 1:
