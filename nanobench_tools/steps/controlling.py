@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ..auditing.recording_audit import Audit
     from ..flight import Flight
     from ..protocols.task2 import TrackingRow
+    from ..protocols.voltage_pairs import VoltagePairs
 
 COLUMNS = (("rmse_m", "RMSE m", 1.0, 4), ("ade_m", "ADE m", 1.0, 4), ("velocity_rmse_m_s", "velocity m/s", 1.0, 4),
            ("heading_deg", "heading deg", 1.0, 3), ("divergence_percent", "> 0.5 m %", 1.0, 3),
@@ -72,8 +73,10 @@ def control_body(options: Options, flights: Sequence[Flight], audits: Mapping[st
     from ..auditing.verb_needs import CONTROL
     from ..harness import make_item
     from ..protocols import task2
+    from ..protocols.voltage_pairs import voltage_pairs
 
     rows: list[task2.TrackingRow] = []
+    pairs: list[VoltagePairs] = []
     reasons: dict[str, str] = {}
 
     def select(protocol: str) -> list[task2.Case]:
@@ -90,14 +93,36 @@ def control_body(options: Options, flights: Sequence[Flight], audits: Mapping[st
         items = [make_item(task2.score, {"case": case}, f"{protocol} {case.controller} {case.flight.name}",
                            file=case.flight.provenance.path) for case in cases]
         values = options.run(items, protocol).values
-        rows += task2.tabulate([(case, values[item.key]) for case, item in zip(cases, items, strict=True)
-                                if item.key in values], options.seed, options.sessions)
+        scored = [(case, values[item.key]) for case, item in zip(cases, items, strict=True) if item.key in values]
+        rows += task2.tabulate(scored, options.seed, options.sessions)
+        pairs += voltage_pairs(scored, options.seed, options.sessions)
         reasons |= dict.fromkeys((case.flight.name for case in cases), ALL_FAILED)
     rows = [replace(row, clock=options.clock, clock_evidence=evidence_of(f for f in flights if f.name in row.flights))
             for row in rows]
     _show(options, rows)
+    if pairs:
+        options.detail(pairs_table(options, pairs))
     used = {name for row in rows for name in (*row.flights, *row.dropped)}
-    return ControlBody(rows, left_out=show_left_out(options, flights, used, audits, CONTROL, reasons))
+    return ControlBody(rows, left_out=show_left_out(options, flights, used, audits, CONTROL, reasons),
+                       voltage_pairs=pairs or None)
+
+
+def pairs_table(options: Options, pairs: Sequence[VoltagePairs]) -> Table:
+    """Controllers over flights of equal path, speed and voltage."""
+    from ..protocols.voltage_pairs import APART_V
+
+    def told(pair: VoltagePairs, metric: str) -> str:
+        found = pair.ratios[metric]
+        if found.ratio is None:
+            return "-"
+        return f"{found.ratio:.3f}" + (f" [{found.ci95[0]:.3f}, {found.ci95[1]:.3f}]" if found.ci95 else "")
+
+    return Table.plain(
+        f"Task 2, {data_word(options)} flights in pairs of equal voltage: errors of one controller over another's",
+        ("reference", "speed", "controller", "over", "pairs", "RMSE", "velocity", "lag removed"),
+        [(p.reference, p.speed or "-", p.controller, p.over, str(p.n), told(p, "rmse_m"), told(p, "velocity_rmse_m_s"),
+          told(p, "rmse_lag_removed_m")) for p in pairs],
+        f"Mean voltages of a pair differ by at most {APART_V:g} V; every flight is in one pair at most.")
 
 
 def _show(options: Options, rows: Sequence[TrackingRow]) -> None:

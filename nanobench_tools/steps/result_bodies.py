@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from ..protocols.simulated import ErrorBar, MismatchRow, SampledFlight, SimulatedRow, SolveTimes
     from ..protocols.task1 import PredictionRow
     from ..protocols.task2 import TrackingRow
+    from ..protocols.voltage_pairs import VoltagePairs
     from ..results.fitted_values import Estimate, LeftOut
     from ..time_offsets.moving.time_offset import TimeOffset
     from .estimate_pictures import DrawnBand
@@ -148,6 +149,7 @@ class ControlBody(Result):
     simulated: SimulatedPart | None = field(default=None, metadata=INLINE)
     mismatch_plant: str | None = field(default=None, metadata=OPTIONAL)
     learned: Lessons | None = field(default=None, metadata=OPTIONAL)
+    voltage_pairs: Sequence[VoltagePairs] | None = field(default=None, metadata=OPTIONAL)
 
     def joined(self, later: ControlBody) -> ControlBody:
         return replace(self, rows=[*self.rows, *later.rows])
