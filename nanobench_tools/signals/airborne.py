@@ -12,7 +12,7 @@ import numpy as np
 from ..flight import Span, Stream, poses_alone, subtract_spans
 from ..settings import count, number
 from .context import Context
-from .plausible_ranges import tracker_scale
+from .flown_axes import tracker_scale
 from .pose_frame import pose_frame, posed
 from .step_removal import levelled
 from .usable_rows import runs, usable_streams

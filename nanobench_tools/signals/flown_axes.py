@@ -18,9 +18,9 @@ from scipy.signal import butter, sosfiltfilt
 from .. import so3
 from ..settings import number, setting
 from ..units import GRAVITY_M_S2
+from .column_evidence import MOST_M_S2, pull_of
 from .context import Context
 from .held_poses import POSITION, ROTATION, held_poses
-from .plausible_ranges import tracker_scale
 from .usable_rows import typical_step_s, usable_streams
 
 Axis = tuple[int, int]
@@ -31,6 +31,10 @@ NAMES = {(axis, sign): ("" if sign > 0 else "-") + "xyz"[axis] for axis, sign in
 ORDERS = {"x, y, z, w": (0, 1, 2, 3), "w, x, y, z": (1, 2, 3, 0)}
 """Order in which the elements of a quaternion are stored -> where x, y, z, w are found."""
 
+SCALES = {1.0: "metres", 100.0: "centimetres", 1000.0: "millimetres"}
+"""Values per metre, and their unit."""
+ROOM_M = number("audit.flown_axes.room_m")
+SLOWEST_M_S2 = number("audit.flown_axes.slowest_m_s2")
 STEP_S = number("audit.flown_axes.step_s")
 BAND_HZ = setting("audit.flown_axes.band_hz")
 SHORTEST_S = number("audit.flown_axes.shortest_s")
@@ -144,8 +148,48 @@ def ground_axes_of(time_s: np.ndarray, position: np.ndarray) -> dict[Axis, float
     return {UP: found[UP]} if UP in found else found
 
 
+def tracker_scale(context: Context) -> float:
+    """Values of the tracked position per metre: 1, 100 or 1000; the largest where several are possible."""
+    return context.once(tracker_scales)[-1]
+
+
+def tracker_scales(context: Context) -> tuple[float, ...]:
+    """Every number of values per metre that a path wider than a room may have.
+
+    The tilt decides, else accelerations of a flight: metres if they are in metres, else all of ``SCALES`` that fit."""
+    stream = context.flight.streams.get("mocap")  # stamps, usable or not, play no part in the width
+    if stream is None or not set(POSITION) <= set(stream.quantities) or len(stream) < 20:
+        return (1.0,)
+    position = stream[POSITION][np.isfinite(stream[POSITION]).all(axis=1)]
+    if len(position) < 20 or np.max(np.ptp(np.quantile(position, (0.05, 0.95), axis=0), axis=0)) <= ROOM_M:
+        return (1.0,)
+    time_s, position, quaternion = context.once(stored_poses)
+    if (shown := _shown_scale(time_s, position, quaternion)) is not None:
+        return (shown,)
+    pull = pull_of(position, time_s) if len(position) > 20 else np.inf
+    if SLOWEST_M_S2 < pull < MOST_M_S2:
+        return (1.0,)
+    return tuple(scale for scale in SCALES if scale > 1.0 and SLOWEST_M_S2 < pull / scale < MOST_M_S2) or (1000.0,)
+
+
+def _shown_scale(time_s: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> float | None:
+    """The unit in which the accelerations of the path are those of its tilt; None where they do not correlate."""
+    found = [tilt for places in ORDERS.values() if quaternion.shape[1] == 4
+             for tilt in tilts_of(time_s, position, quaternion[:, places]).values()]
+    best = max(found, key=lambda tilt: tilt.follows, default=None)
+    if best is None or best.follows < FOLLOWS or not best.slope > 0.0:
+        return None
+    return min(SCALES, key=lambda scale: abs(np.log(scale * best.slope)))
+
+
 def seen_poses(context: Context) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """time_s (n,), position (n, 3) m and quaternion (n, 4), or (n, 0) without one, of the rows with a measured pose."""
+    """``stored_poses`` in metres."""
+    time_s, position, quaternion = context.once(stored_poses)
+    return time_s, position / context.once(tracker_scale), quaternion
+
+
+def stored_poses(context: Context) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """time_s (n,), position (n, 3) as stored and quaternion (n, 4), or (n, 0) without one, of measured poses."""
     stream, held = context.once(usable_streams).get("mocap"), context.once(held_poses)
     if stream is None or not all(q in stream for q in POSITION) or len(stream) < 3:
         return np.empty(0), np.empty((0, 3)), np.empty((0, 0))
@@ -159,4 +203,4 @@ def seen_poses(context: Context) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             keep &= unit
         else:
             quaternion = np.empty((len(stream), 0))
-    return stream.time_s[keep], stream[POSITION][keep] / context.once(tracker_scale), quaternion[keep]
+    return stream.time_s[keep], stream[POSITION][keep], quaternion[keep]

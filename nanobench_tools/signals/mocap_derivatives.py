@@ -11,8 +11,8 @@ from .. import so3
 from ..frames import gravity_up
 from ..settings import number
 from .context import Context
+from .flown_axes import tracker_scale
 from .held_poses import held_poses
-from .plausible_ranges import tracker_scale
 from .pose_frame import posed
 
 STEP_S = number("audit.mocap_derivatives.step_s")

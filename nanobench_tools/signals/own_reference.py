@@ -20,10 +20,10 @@ from .axis_unit_matching import ALONE, AxisUnitMatch, match_of
 from .context import Context
 from .dropouts import alive_until
 from .estimated_turning import estimated_attitude
+from .flown_axes import tracker_scale
 from .held_poses import POSITION, ROTATION
 from .pairs import MakePair, acceleration_pair, request_pair, setpoint_pair, sums_of, velocity_pair
 from .path_sizes import tilted_path
-from .plausible_ranges import tracker_scale
 from .pose_frame import PoseFrame, pose_frame
 from .shared_frame import PLACE, height_alone, shared_frame
 from .tilt_heading import FOLLOWS, mirrored, straight, tilt_and_acceleration

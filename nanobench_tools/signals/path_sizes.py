@@ -16,10 +16,11 @@ from ..units import GRAVITY_M_S2
 from .axis_unit_matching import FACTOR_WITHIN
 from .column_evidence import LARGEST_FLIGHT_M, MOST_M_S2, noise_by_axis, pull_of, spans
 from .context import Context
+from .flown_axes import tracker_scale
 from .held_poses import POSITION, ROTATION
 from .known_factors import named_factor
 from .paired_signals import FEWEST_ROWS
-from .plausible_ranges import WrongUnit, tracker_scale
+from .plausible_ranges import WrongUnit
 from .pose_frame import posed
 from .tilt_heading import FOLLOWS, tilt_and_acceleration
 from .usable_rows import typical_step_s, usable_streams

@@ -16,12 +16,12 @@ from ..units import GRAVITY_M_S2, PWM_FULL_SCALE
 from .column_evidence import noise_by_axis, one_unit
 from .context import Context
 from .dropouts import alive_until
+from .flown_axes import SCALES, tracker_scales
 from .known_factors import named_factor
 from .quaternion_lengths import STREAMS as QUATERNIONS
 from .quaternion_lengths import other_length, scaled_part
 from .usable_rows import typical_step_s, usable_streams
 
-ROOM_M = number("audit.plausible_ranges.room_m")
 FACTOR = number("audit.plausible_ranges.factor")
 SLOWEST_STEP_S = number("audit.plausible_ranges.slowest_step_s")
 BATTERY_V = setting("audit.plausible_ranges.battery_v")
@@ -38,19 +38,6 @@ class WrongUnit:
     quantities: tuple[str, ...]
     factor: float
     evidence: str
-
-
-def tracker_scale(context: Context) -> float:
-    """Values of the tracked position per metre: 1, or 1000 when they span more than a room."""
-    stream = context.flight.streams.get("mocap")  # stamps, usable or not, play no part
-    if stream is None or not set(POSITION) <= set(stream.quantities) or len(stream) < 20:
-        return 1.0
-    position = stream[POSITION]
-    position = position[np.isfinite(position).all(axis=1)]
-    if len(position) < 20:
-        return 1.0
-    low, high = np.quantile(position, (0.05, 0.95), axis=0)
-    return 1000.0 if np.max(high - low) > ROOM_M else 1.0
 
 
 def _alive(context: Context, name: str, quantities: tuple[str, ...]) -> np.ndarray | None:
@@ -93,9 +80,10 @@ def wrong_ranges(context: Context) -> list[WrongUnit]:
             break
     if (odd := odd_axis(context)) is not None:
         found.append(odd)
-    elif context.once(tracker_scale) != 1.0:
-        found.append(WrongUnit("mocap", POSITION, 1000.0,
-                               "the tracked position spans more than a room: millimetres or centimetres"))
+    elif (scales := context.once(tracker_scales)) != (1.0,):
+        found.append(WrongUnit("mocap", POSITION, scales[-1], "the tracked position spans more than a room: "
+                               + " or ".join(SCALES[scale] for scale in reversed(scales))
+                               + ", and nothing shows which" * (len(scales) > 1)))
     for name, turn in QUATERNIONS.items():
         turned = context.flight.streams.get(name)
         if turned is None or not all(q in turned.quantities for q in turn):

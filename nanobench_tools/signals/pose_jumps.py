@@ -10,8 +10,8 @@ from .. import so3
 from ..settings import number
 from .context import Context
 from .crashes import crash_of
+from .flown_axes import tracker_scale
 from .held_poses import held_poses
-from .plausible_ranges import tracker_scale
 from .spikes import spikes
 from .step_removal import grouped, steps
 from .usable_rows import tables, usable_streams

@@ -187,3 +187,32 @@ def test_a_height_that_the_tilt_contradicts(kind, columns):
     found = [(f.kind, f.columns[:2]) for check in (sign, axis_swap, frame) for f in check.find(context.flight, context)]
     assert found in ([(kind, columns)], [("frame", columns)])
     assert other_height(Context(flight)) is None
+
+
+@pytest.mark.parametrize(("by", "unit"), [(100.0, "centimetres"), (1000.0, "millimetres")])
+def test_a_path_wider_than_a_room_is_in_the_unit_that_its_tilt_shows(by, unit):
+    flight = multirotor(noise_m=2e-4)
+    (found,) = wrong_units(Context(scaled(flight, by, slice(0, 3))))
+    assert (found.factor, found.quantities) == (by, POSES[:3])
+    assert found.evidence.endswith(f": {unit}")
+
+
+def test_without_attitude_accelerations_leave_both_open_or_decide():
+    flight = multirotor(noise_m=2e-4)
+    poses = flight["mocap"]
+    alone = flight.with_streams(mocap=make_stream("mocap", poses.time_s, poses.values[:, :3], POSES[:3]))
+    (found,) = wrong_units(Context(scaled(alone, 1000.0, slice(0, 3))))
+    assert found.evidence.endswith("millimetres or centimetres, and nothing shows which")
+    (found,) = wrong_units(Context(scaled(alone, 100.0, slice(0, 3), 2.0)))
+    assert found.evidence.endswith(": centimetres")
+
+
+@pytest.mark.parametrize("attitude", [True, False])
+def test_a_path_of_a_hundred_metres_is_in_metres(attitude):
+    flight = multirotor()
+    poses = flight["mocap"]
+    values = poses.values.copy()
+    values[:, 0] += 8.0 * poses.time_s
+    far = flight.with_streams(mocap=make_stream("mocap", poses.time_s, values[:, :7 if attitude else 3],
+                                                POSES[:7 if attitude else 3]))
+    assert reported(far) == set()
