@@ -1,4 +1,6 @@
-"""One column of every table of bug reports removed, renamed or rescaled: read right, asked about, or silently wrong?
+"""One column of every table of bug reports changed: read right, asked about, or silently wrong?
+
+It is removed, renamed, negated, swapped with the next, or rescaled. Separators and decimal commas are changed as well.
 
 ``python benchmarks/studies/column_mutations.py [FOLDER]`` counts outcomes over the tables below FOLDER (default
 ``../shared/data/reports``) and lists silent errors. A silent error is a value in SI that differs from that of the
@@ -11,7 +13,7 @@ import sys
 import tempfile
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +27,7 @@ from nanobench_tools.sources import load_recordings
 SCALES = (1000.0, 0.001, 100.0, 180.0 / np.pi, np.pi / 180.0)
 """Millimetres, kilometres and centimetres for metres, degrees for radians and the reverse."""
 SAYING = frozenset({"unit", "frame", "body_frame", "axis_swap", "sign", "quaternion_order", "bad_cell", "coarse_time",
-                    "no_common_time", "saturated_sensor", "never_flew"})
+                    "no_common_time", "saturated_sensor", "never_flew", "constant_offset", "backward_time"})
 """Kinds of fault that say of a quantity that it is not what it should be, rather than of rows that some are lost."""
 SUFFIXES = (".csv", ".tsv", ".txt", ".tum")
 SAME = 1e-6
@@ -61,6 +63,12 @@ class Sheet:
 
     def renamed(self, k: int) -> Sheet:
         return Sheet(self.above, (*self.names[:k], "foo", *self.names[k + 1:]), self.rows, self.delimiter)
+
+    def swapped(self, k: int) -> Sheet:
+        def change(cells: tuple[str, ...]) -> tuple[str, ...]:
+            return (*cells[:k], cells[k + 1], cells[k], *cells[k + 2:])
+
+        return Sheet(self.above, self.names, tuple(map(change, self.rows)), self.delimiter)
 
     def scaled(self, k: int, by: float) -> Sheet:
         return Sheet(self.above, self.names, tuple((*r[:k], _times(r[k], by), *r[k + 1:]) for r in self.rows),
@@ -115,7 +123,8 @@ def read(path: Path) -> Reading | None:
 
 
 def outcome(whole: Reading, found: Reading | None) -> tuple[str, str]:
-    """(right, refused, asked, assumed, audited or SILENT; the first quantity that differs).
+    """(right, refused, asked, assumed, audited, open or SILENT; the first quantity that differs). Open: the audit lists
+    the column as unchecked.
 
     Only a new fault in a quantity that differs counts as said, and only of a kind in ``SAYING``."""
     if found is None:
@@ -134,7 +143,10 @@ def outcome(whole: Reading, found: Reading | None) -> tuple[str, str]:
               if (f.kind, f.stream, f.columns) not in before and f.kind in SAYING
               and (not f.columns or any((f.stream == s and {q, _column(found.flight, s, q)} & set(f.columns))
                                         or (q == "t" and "t" in f.columns) for s, q in sure))}
-    return ("audited", f"{first}: {'; '.join(sorted(faults))}") if faults else ("SILENT", first)
+    if faults:
+        return "audited", f"{first}: {'; '.join(sorted(faults))}"
+    left = " ".join(audit(found.flight).unchecked)
+    return ("open" if all(f" {q}" in left.replace(",", "") for _, q in sure) else "SILENT"), first
 
 
 def _same(whole: Flight, found: Flight, stream: str, quantity: str) -> bool:
@@ -155,12 +167,20 @@ def _quantities(flight: Flight) -> Iterator[tuple[str, str]]:
 
 
 def mutations(sheet: Sheet) -> Iterator[tuple[str, Sheet]]:
+    if sheet.delimiter != ",":
+        yield "decimal commas", replace(sheet, rows=tuple(tuple(c.replace(".", ",") for c in r) for r in sheet.rows))
+    else:
+        commas = tuple(tuple(c.replace(".", ",") for c in r) for r in sheet.rows)
+        yield "semicolons and decimal commas", replace(sheet, rows=commas, delimiter=";")
+        yield "tabs", replace(sheet, delimiter="\t")
     for k in range(len(sheet.rows[0])):
         name = sheet.names[k].strip() if sheet.names else f"column {k + 1}"
         yield f"{name} removed", sheet.without(k)
         if sheet.names:
             yield f"{name} renamed", sheet.renamed(k)
-        for by in SCALES:
+        if k + 1 < len(sheet.rows[0]):
+            yield f"{name} swapped with the next", sheet.swapped(k)
+        for by in (-1.0, *SCALES):
             yield f"{name} times {by:.4g}", sheet.scaled(k, by)
 
 

@@ -9,8 +9,9 @@ from .axis_unit_matching import axis_unit_matches
 from .constant_offsets import RESTING_M_S2, constant_offsets
 from .context import Context
 from .estimated_turning import EULER, GYRO
+from .flown_axes import UP, ground_axes
 from .gravity import ACC, gravity_axis
-from .held_poses import POSITION
+from .held_poses import POSITION, ROTATION
 from .motor_turning import MOTORS, motor_turning
 from .own_reference import matches_by_estimate, own_reference
 from .own_turning import FOLLOWS, own_turning
@@ -18,7 +19,8 @@ from .shared_frame import PLACE
 from .tilt_heading import FOLLOWS as TILT_FOLLOWS
 from .tilt_heading import straight
 
-SIGNED = {"mocap": POSITION, "estimator": (*PLACE, "vx", "vy", "vz"), "attitude": EULER, "imu": (*GYRO, *ACC)}
+SIGNED = {"mocap": (*POSITION, *ROTATION), "estimator": (*PLACE, "vx", "vy", "vz"), "attitude": EULER,
+          "imu": (*GYRO, *ACC)}
 OFFSETS = {"estimator": ("vx", "vy", "vz"), "attitude": EULER, "imu": ACC}
 
 
@@ -52,13 +54,16 @@ def _shown(context: Context) -> set[tuple[str, str]]:
               for stream, q in (("imu", match.gyro), ("attitude", match.angle))}
     if reference is None:
         return shown
+    shown |= {("mocap", "pz"), ("estimator", "z")} if UP in reference.once(ground_axes) else set()
     if straight(reference) > TILT_FOLLOWS:
-        shown |= {(name, q) for name in ("mocap", "estimator") for q in ("px", "py", "x", "y")}
+        shown |= {(name, q) for name in ("mocap", "estimator") for q in ("px", "py", "qx", "qy", "qw", "x", "y")}
         shown |= {("attitude", "roll"), ("attitude", "pitch")}
     own = [] if reference is context else matches_by_estimate(reference)
     for match in own or context.once(axis_unit_matches).values():
         clear = [i for i in range(3) if match.sign[i]]
         shown |= {(match.stream, match.quantities[i]) for i in clear}
         place = match.stream in ("estimator", "setpoint")
+        if match.quantities[0] in ("gyro_x", "roll", "qx"):
+            shown |= {("mocap", q) for i in clear for q in (ROTATION[i], "qw")}
         shown |= {("estimator", PLACE[i]) if own else ("mocap", POSITION[i]) for i in clear if own or place}
     return shown

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from nanobench_tools.auditing.recording_audit import Audit, audit
+from nanobench_tools.flight import Flight, Provenance, make_stream
 
 
 @pytest.fixture(scope="module")
@@ -33,3 +34,14 @@ def test_velocities_without_a_position_are_open(flown):
     found = audit(flown.with_streams(estimator=lone)).unchecked
     assert "sign and axis of vx, vy, vz (estimator)" in found
     assert "constant offset of vx, vy, vz (estimator)" in found
+
+
+def test_poses_alone_leave_their_axes_open(crowd):
+    """Unless the vehicle tilts towards its accelerations."""
+    poses = crowd.log("fast figure_eight")[0]["mocap"]
+    names = ("px", "py", "pz", "qx", "qy", "qz", "qw")
+    mocap = make_stream("mocap", poses.time_s, poses[names], names)
+    (entry,) = audit(Flight("poses", {"mocap": mocap}, {}, Provenance("made", "", "test"))).unchecked
+    assert entry.startswith("sign and axis of")
+    assert "px" not in entry
+    assert "qz" in entry
