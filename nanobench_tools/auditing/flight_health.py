@@ -16,6 +16,7 @@ from scipy.signal import welch
 
 from ..flight import Flight, Span, Stream, intersect_spans, mask_of, motors_of
 from ..results.result import Result
+from ..sources.cells import GIGANTIC
 from .faults import saturated_sensor
 from .recording_audit import Audit
 
@@ -159,7 +160,7 @@ def sentence_of(health: dict[str, Any]) -> str:
 def _vibration(flight: Flight, audit: Audit, columns: Sequence[str], spans: Sequence[Span]) -> Vibration | str:
     stream = flight["imu"]
     values = stream[list(columns)]
-    inside = mask_of(spans, stream.time_s) & np.isfinite(values).all(axis=1)
+    inside = mask_of(spans, stream.time_s) & (np.abs(values) < GIGANTIC).all(axis=1)
     step = float(np.median(np.diff(stream.time_s))) if len(stream) > 1 else 0.0
     rate_hz = 1.0 / step if step > 0.0 else 0.0
     rows = max(round(WINDOW_S * rate_hz), 1)
@@ -207,7 +208,7 @@ def _windows(time_s: np.ndarray, inside: np.ndarray, step: float, rows: int) -> 
 def _line(frequency: np.ndarray, power: np.ndarray, band: np.ndarray,
           width: float) -> tuple[float | None, float | None]:
     at = int(np.argmax(np.where(band, power, -1.0)))
-    if power[at] < STANDS_OUT * float(np.median(power[band])):
+    if not power[at] > 0.0 or power[at] < STANDS_OUT * float(np.median(power[band])):
         return None, None
     near = slice(max(at - NEAR_BINS, 0), at + NEAR_BINS + 1)
     return (float((frequency[near] * power[near]).sum() / power[near].sum()),
@@ -273,7 +274,7 @@ def _battery(flight: Flight, audit: Audit, air: Sequence[Span]) -> Battery | Non
     if "battery" not in flight or "vbat" not in flight["battery"]:
         return None
     stream = flight["battery"]
-    good = np.isfinite(stream["vbat"]) & (stream["vbat"] > 0.0)
+    good = (stream["vbat"] > 0.0) & (stream["vbat"] < GIGANTIC)
     good &= mask_of(audit.clean_for(["battery"]), stream.time_s)
     flying = good & mask_of(air, stream.time_s)
     if flying.sum() < 2:
@@ -305,7 +306,7 @@ def _idle(flight: Flight, time_s: np.ndarray, air: Sequence[Span]) -> np.ndarray
 
 def _slope(time_s: np.ndarray, volt: np.ndarray, load: np.ndarray) -> Slope | None:
     """Volts lost per unit of load, by changes within ``SLOW_S``; None where they do not belong to each other."""
-    known = np.isfinite(load) & np.isfinite(volt)
+    known = (np.abs(load) < GIGANTIC) & np.isfinite(volt)
     time_s, volt, load = time_s[known], volt[known], load[known]
     if len(time_s) < 4 * FEWEST_BLOCKS or np.any(np.diff(time_s) < 0.0):
         return None

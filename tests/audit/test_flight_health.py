@@ -152,6 +152,21 @@ def test_intervals_contain_the_resistance_as_often_as_they_state():
     assert inside >= 33
 
 
+def test_constant_and_gigantic_readings_give_no_line_and_no_error():
+    made = flight(battery=pack())
+    still = made.with_streams(imu=make_stream("imu", made["imu"].time_s, np.zeros((len(made["imu"]), 6)), IMU))
+    found = health_of(still, audit())
+    assert (found.vibration["gyro"].peak_hz, found.vibration["gyro"].rms) == (None, 0.0)
+    values, volts = made["imu"].values.copy(), made["battery"].values.copy()
+    values[5000, 0], volts[100, 0] = 1e300, 1e300
+    wild = made.with_streams(imu=make_stream("imu", made["imu"].time_s, values, IMU),
+                             battery=make_stream("battery", made["battery"].time_s, volts, ("vbat", "current")))
+    entry = entry_of(wild, audit())["health"]
+    assert entry["vibration"]["acc"]["highest"] < 20.0
+    assert entry["battery"]["resistance_ohm"]["value"] == pytest.approx(0.08, rel=0.05)
+    assert sentence_of(entry)
+
+
 def test_audit_json_has_it_and_a_line_of_it():
     made = flight(battery=pack())
     entry = entry_of(made, audit())
