@@ -119,7 +119,11 @@ def read(path: Path) -> Reading | None:
     except NanobenchError:
         return None
     doubted = frozenset(key for key, (column, _) in draft.mapped.items() if draft.status[column] == "assumed")
-    return Reading(loaded.flights[0], doubted, bool(draft.questions)) if loaded.flights else None
+    if not loaded.flights:
+        return None
+    if any(line.startswith("time = ") and "assumed" in line for line in draft.text.splitlines()):
+        doubted |= {(name, "t") for name in loaded.flights[0].streams}
+    return Reading(loaded.flights[0], doubted, bool(draft.questions))
 
 
 def outcome(whole: Reading, found: Reading | None) -> tuple[str, str]:

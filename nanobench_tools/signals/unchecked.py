@@ -20,7 +20,7 @@ from .tilt_heading import FOLLOWS as TILT_FOLLOWS
 from .tilt_heading import straight
 
 SIGNED = {"mocap": (*POSITION, *ROTATION), "estimator": (*PLACE, "vx", "vy", "vz"), "attitude": EULER,
-          "imu": (*GYRO, *ACC)}
+          "imu": (*GYRO, *ACC), "estimator_acc": ("ax", "ay", "az")}
 OFFSETS = {"estimator": ("vx", "vy", "vz"), "attitude": EULER, "imu": ACC}
 
 
