@@ -146,7 +146,7 @@ def outcome(whole: Reading, found: Reading | None) -> tuple[str, str]:
     faults = {f"{f.kind} {f.stream} {','.join(f.columns)}" for f in audit(found.flight).faults
               if (f.kind, f.stream, f.columns) not in before and f.kind in SAYING
               and (not f.columns or any((f.stream == s and {q, _column(found.flight, s, q)} & set(f.columns))
-                                        or (q == "t" and "t" in f.columns) for s, q in sure))}
+                                        or q in f.evidence.split() or q == "t" in f.columns for s, q in sure))}
     if faults:
         return "audited", f"{first}: {'; '.join(sorted(faults))}"
     left = " ".join(audit(found.flight).unchecked)

@@ -63,3 +63,9 @@ def test_one_motor_in_another_unit_is_named_alone(flown, factor):
     bad = _read_as(flown, "motor", ["m3"], lambda v: factor * v)
     (fault,) = unit.find(bad, Context(bad))
     assert _quantities(fault, bad) == ("m3",)
+
+
+def test_a_negated_motor(flown):
+    bad = _read_as(flown, "motor", ["m2"], np.negative)
+    (fault,) = sign.find(bad, Context(bad))
+    assert _quantities(fault, bad) == ("m2",)

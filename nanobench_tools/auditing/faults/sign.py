@@ -20,7 +20,7 @@ in flights that hold their heading, a world axis not flown along) are not judged
 
 from __future__ import annotations
 
-from ...flight import Fault, Flight
+from ...flight import Fault, Flight, motors_of
 from ...signals.attitude_signs import contradicted_angles
 from ...signals.axis_unit_matching import CLEAR, axis_unit_matches
 from ...signals.context import Context
@@ -60,6 +60,10 @@ def wrong_signs(context: Context) -> list[tuple[str, str, str]]:
                               f"{quantity} of {verdict.stream} correlates {k:+.2f} with what the "
                               f"{against(verdict)} predicts" + _or_inverted(context, quantity)))
     found += [(c.stream, c.quantities[0], c.evidence) for c in context.once(contradictions) if c.kind == KIND]
+    motor = context.once(usable_streams).get("motor")
+    if motor is not None and len(motor):
+        found += [("motor", q, f"{q} of motor is below 0 in most rows, and a command is 0 to 1")
+                  for q in motors_of(motor) if (motor[q] < 0.0).mean() > 0.5]
     other = context.once(other_order)
     if other is not None and other[1] and other[0].gyro is not None and other[0].gyro[0] == (0, 1):
         found += [("imu", IMU[0][axis], f"{IMU[0][axis]} turns against what the motors push (correlation "
