@@ -2,69 +2,14 @@
 
 from __future__ import annotations
 
-import ast
-from collections import defaultdict
-from collections.abc import Iterable, Mapping
-from pathlib import Path
+from collections.abc import Mapping
 
 import numpy as np
 import pytest
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-ROOT = Path(__file__).parents[1]
-OURS = ("nanobench_tools", "estimators", "controllers", "identification")
-GROUND = ("errors", "version", "units", "frames", "so3", "flight", "methods", "settings", "lookup", "results")
-"""They import nothing but each other."""
-PATH_OF_A_RECORDING = ("sources", "signals", "time_offsets.constant", "time_offsets.moving", "auditing.faults",
-                       "auditing", "harness", "protocols", "pages", "steps", "cli", "api")
-"""In this order: each may import those before it ("Who may import whom" in ARCHITECTURE.md)."""
-
-BESIDE: dict[str, set[str]] = {
-    "time_offsets.mathematics": set(), "metrics": set(), "noise": set(), "physics": set(), "firmware": set(),
-    "tables": set(),
-    "practice": {"firmware", "sources", "signals", "time_offsets.moving", "auditing.faults"}}
-"""What is used from several places of the path, and what each may import above the ground."""
-SURFACE = ("steps", "cli", "api")
-METHODS = ("estimators", "controllers", "identification")
-"""Handed to the protocols by the surface, which alone imports them."""
-
-
-def package_of(module: str) -> str:
-    """The folder below one of ours, or that folder of it which has a place of its own in the order."""
-    top, *inside = module.split(".")
-    depth = 2 if ".".join(inside[:2]) in {*PATH_OF_A_RECORDING, *BESIDE} else 1
-    return ".".join([top, *inside[:depth]])
-
-
-def modules() -> dict[str, Path]:
-    found = {}
-    for top in OURS:
-        for path in (ROOT / top).rglob("*.py"):
-            parts = path.relative_to(ROOT).with_suffix("").parts
-            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
-    return found
-
-
-def imported(name: str, text: str, is_package: bool, known: Iterable[str]) -> set[str]:
-    """Modules of ``known`` that ``text``, the module ``name``, imports anywhere."""
-    known = set(known)
-
-    def module_of(dotted: str) -> str:
-        while dotted and dotted not in known:
-            dotted = dotted.rpartition(".")[0]
-        return dotted
-
-    found = set()
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.Import):
-            found |= {module_of(alias.name) for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            package = name.split(".") if is_package else name.split(".")[:-1]
-            here = package[: len(package) - (node.level - 1)] if node.level else []
-            base = ".".join([*here, *([node.module] if node.module else [])])
-            found |= {module_of(f"{base}.{alias.name}") for alias in node.names}
-    return found - {"", name}
+from tools.imports import BESIDE, GROUND, METHODS, PATH_OF_A_RECORDING, SURFACE, import_graph, imported, package_graph
 
 
 def circles(graph: Mapping[str, set[str]]) -> list[list[str]]:
@@ -78,17 +23,12 @@ def circles(graph: Mapping[str, set[str]]) -> list[list[str]]:
 
 @pytest.fixture(scope="module")
 def graph():
-    found = modules()
-    return {name: imported(name, path.read_text("utf-8"), path.name == "__init__.py", found)
-            for name, path in found.items()}
+    return import_graph()
 
 
 @pytest.fixture(scope="module")
 def packages(graph):
-    found = defaultdict(set)
-    for name, others in graph.items():
-        found[package_of(name)] |= {package_of(other) for other in others} - {package_of(name)}
-    return dict(found)
+    return package_graph(graph)
 
 
 def test_no_circle_of_modules(graph):

@@ -12,7 +12,7 @@ from identification.mismatch.headline import RULES
 from nanobench_tools.auditing.faults.kinds import kinds
 from nanobench_tools.cli.main import VERBS
 from nanobench_tools.lookup import registry
-from tools.docs_site import check_links, docstring_text, generated
+from tools.docs_site import check_links, docstring_text, generated, imports_picture
 
 DOCS = generated.ROOT / "docs"
 
@@ -55,6 +55,16 @@ def test_every_page_is_in_the_navigation():
     there = {path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md")} | set(generated.PAGES)
     assert there - nav == set()
     assert {place for place in nav - there if not place.startswith("project/")} == set()
+
+
+def test_lines_of_the_picture_lead_down_and_none_is_explained_by_another():
+    graph = {"d": {"c", "b", "a"}, "c": {"a"}, "b": {"a"}, "a": set()}
+    assert imports_picture.rows_of(graph) == {"a": 0, "b": 1, "c": 1, "d": 2}
+    assert imports_picture.direct(graph) == {("d", "c"), ("d", "b"), ("c", "a"), ("b", "a")}
+    ours, lines = imports_picture.places()
+    assert {"cli", "ground", "estimators", "controllers", "identification.mismatch"} <= set(ours)
+    assert min(lines[name] for name in ours) >= imports_picture.SMALLEST
+    assert all(f">{name}</text>" in imports_picture.picture() for name in ours)
 
 
 def test_limits_of_the_uses_are_those_of_the_code():

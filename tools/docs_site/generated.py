@@ -18,6 +18,7 @@ from nanobench_tools.auditing.faults.kinds import kinds
 from nanobench_tools.cli.main import VERBS, cli
 from nanobench_tools.lookup import registry
 
+from . import imports_picture
 from .docstring_text import cell, markdown
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -258,5 +259,6 @@ PAGES: dict[str, Callable[[], str]] = {
     "reference/sources.md": sources,
     "reference/result_files.md": schemas,
     "reference/error_messages.md": error_messages,
+    "reference/imports.md": imports_picture.page,
 }
 """Page of the site -> what writes it."""
