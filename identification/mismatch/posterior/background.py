@@ -166,7 +166,7 @@ def background_of(wrench: Wrench, space: Space, effects: Sequence[Effect], arm: 
 def _levels(found: _Columns, wrench: Wrench, effects: Sequence[Effect], made: np.ndarray, quaternion: np.ndarray,
             arm: np.ndarray) -> None:
     """Each flight's deviation from the mean of all, per m/s^2: tilt of the markers, thrust as a whole, trim of the
-    motors.
+    motors. A trim turns the vehicle in proportion to its thrust, whether motors or the centre of mass make it.
 
     The part that all flights share is excluded: large equal offsets would cancel against large effects.
     """
@@ -188,6 +188,8 @@ def _levels(found: _Columns, wrench: Wrench, effects: Sequence[Effect], made: np
     found.add("lift", lift[..., None] * each[:, None, :])
     if len(wrench.torque_at):
         turning = (wrench.flight[wrench.torque_at][:, None] == flights).astype(float) @ beside
+        load = next((e.torque[:, 0, 1] for e in effects if e.term == "com_offset"), np.ones(len(turning)))
+        turning *= load[:, None] / max(float(np.sqrt(np.mean(load**2))), 1e-9)
         for axis in range(3):
             column = np.zeros((len(turning), 3, len(flights)))
             column[:, axis] = turning / arm[axis]

@@ -16,7 +16,15 @@ from identification.mismatch.memory import runs_of
 from identification.mismatch.page import GOES_WITH
 from identification.mismatch.posterior import decision, set_evidence, weighing
 from identification.mismatch.posterior.arm_unit import arms
-from identification.mismatch.posterior.background import FIXED, LIFT_OF_ALL, Background, _beside, _equal_lag, fourier
+from identification.mismatch.posterior.background import (
+    FIXED,
+    LIFT_OF_ALL,
+    Background,
+    _beside,
+    _equal_lag,
+    background_of,
+    fourier,
+)
 from identification.mismatch.posterior.build import _seen
 from identification.mismatch.posterior.effects import Effect, effects_of, within_reach
 from identification.mismatch.posterior.gain_error import gain_error
@@ -137,6 +145,21 @@ def test_only_the_common_fast_part_of_commands_is_calmed():
     assert calm - calm.mean(1, keepdims=True) == pytest.approx(differ, abs=1e-12)
     assert calm.mean(1)[100:-100] == pytest.approx(slow[100:-100, 0], abs=0.02)
     assert _calmed(shaken, 1.0).motor == pytest.approx(shaken.motor)
+
+
+def test_a_trim_turns_with_the_thrust():
+    """A centre of mass beside the middle turns the vehicle as the trim of a flight does, row by row."""
+    wrench = wrench_of(MODEL, flights=2, seconds=6.0)
+    space = within_reach(wrench, space_around(MODEL))
+    effects = effects_of(wrench, space, MODEL)
+    found = background_of(wrench, space, effects, arms(MODEL), 0)
+    moments = next(e.torque for e in effects if e.term == "com_offset")
+    trim, com = found.torque[..., found.group == "trim"][:, 0], moments[:, 0, 1]
+    first = wrench.flight[wrench.torque_at] == 0
+    ratio = trim[first] / com[first, None]
+    assert com[first].std() > 0.01 * np.abs(com[first]).mean()
+    assert np.abs(ratio[:, 0]).min() > 0.0
+    assert ratio.std(0).max() < 1e-9 * np.abs(ratio).max()
 
 
 @pytest.mark.parametrize("flights", [1, 6, 60])
