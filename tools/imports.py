@@ -71,7 +71,7 @@ def import_graph() -> dict[str, set[str]]:
 
 def package_graph(graph: dict[str, set[str]]) -> dict[str, set[str]]:
     """Package -> other packages that its modules import."""
-    found = defaultdict(set)
+    found = defaultdict[str, set[str]](set)
     for name, others in graph.items():
         found[package_of(name)] |= {package_of(other) for other in others} - {package_of(name)}
     return dict(found)
