@@ -69,3 +69,9 @@ def test_a_negated_motor(flown):
     bad = _read_as(flown, "motor", ["m2"], np.negative)
     (fault,) = sign.find(bad, Context(bad))
     assert _quantities(fault, bad) == ("m2",)
+
+
+def test_a_motor_that_a_dead_log_carries_below_zero_is_not_negated(flown):
+    """Rows after the last packet run along a straight line."""
+    bad = _read_as(flown, "motor", ["m2"], lambda v: np.where(np.arange(len(v))[:, None] < len(v) // 3, v, -np.abs(v)))
+    assert "m2 of motor is below 0" not in " ".join(f.evidence for f in sign.find(bad, Context(bad)))
