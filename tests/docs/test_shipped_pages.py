@@ -13,7 +13,7 @@ ERROR = {"quantity": "position", "unit": "m", "ahead_s": 0.5, "shipped": 0.4, "i
 KNOWN = {"terms": ["thrust_scale", "mass"], "by": "thrust_scale", "parameter": "thrust over weight", "true": 1.61,
          "value": 1.6, "ci95": [1.58, 1.62], "inside": True}
 FIGURES = {"flights": ["a", "b", "c"], "judged_s": 27.0, "credit": "someone", "reason": "", "worst": ERROR,
-           "half_second": [ERROR], "right": False, "why": "identified beside it: wind", "identified": True,
+           "half_second": [ERROR], "right": False, "why": "also identified: wind", "identified": True,
            "visible": True, "known": [KNOWN], "false": ["wind"], "again": [], "before": "The simulator is wrong. " * 20,
            "after": "Nothing is identified."}
 NOTHING = {"reason": "no recordings", "right": None, "half_second": []}
@@ -22,7 +22,7 @@ NOTHING = {"reason": "no recordings", "right": None, "half_second": []}
 def test_a_page_has_the_thread_the_size_and_what_was_wrong():
     text = shipped_pages.page(CASES["agileflight_thrust"], FIGURES, "Real: flights")
     for part in (*CASES["agileflight_thrust"].threads, "1.58 to 1.62", "right is 1.61", "`wind`",
-                 "The answer is wrong: identified beside it: wind.", "0.4 m | 0.1 m | –",
+                 "The answer is wrong: also identified: wind.", "0.4 m | 0.1 m | –",
                  "agileflight_thrust-dark.svg#only-dark"):
         assert part in text, part
     assert max(map(len, text.split("```text")[1].split("```")[0].splitlines())) <= shipped_pages.LONGEST

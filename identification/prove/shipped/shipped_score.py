@@ -112,7 +112,7 @@ def score_shipped(case: ShippedCase, models: tuple[Model | None, Model], answers
     if sized is False:
         wrong.append("the size is not in the interval")
     if false:
-        wrong.append(f"identified beside it: {', '.join(false)}")
+        wrong.append(f"also identified: {', '.join(false)}")
     if again:
         wrong.append(f"identified after the correction: {', '.join(again)}")
     if case.after == ANOTHER and not of_another_vehicle(after):
