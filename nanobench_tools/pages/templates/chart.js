@@ -145,12 +145,12 @@ const nanobench = (() => {
     button.addEventListener("click", () => {
       if (playing !== null) { stop(); return; }
       if (Number(slider.value) >= end - 0.02) slider.value = String(start);
-      let before = performance.now();
+      let before = performance.now(), time = Number(slider.value);
       button.textContent = "❚❚"; button.setAttribute("aria-label", "stop");
       const frame = now => { // in the time of the flight, however long drawing takes
         if (!place.isConnected) { stop(); return; }
-        if (now - before >= 20) { slider.value = String(Number(slider.value) + Math.min((now - before) / 1000, 0.5)); before = now; move(); }
-        if (Number(slider.value) >= end - 0.02) stop(); else playing = requestAnimationFrame(frame);
+        if (now - before >= 20) { time += Math.min((now - before) / 1000, 0.5); slider.value = String(time); before = now; move(); }
+        if (time >= end - 0.02) stop(); else playing = requestAnimationFrame(frame);
       };
       playing = requestAnimationFrame(frame);
     });
