@@ -1,8 +1,9 @@
 """Constant offsets of velocity, tilt and accelerometer, by laws that hold on the mean of a flight.
 
 The mean of a velocity is the way over the time. The mean specific force of a flight points along the thrust, and at
-rest it is gravity. A mean tilt that no acceleration of the path explains is an offset of the attitude. Any other mean
-of the accelerometer is an offset of the sensor. An offset of a position is its origin, and that of a yaw is a heading.
+rest it is gravity. A mean tilt that neither the path nor the accelerometer explains is an offset of the attitude. A
+vehicle that leans into a wind feels its tilt. Any other mean of the accelerometer is an offset of the sensor. An offset
+of a position is its origin, and that of a yaw is a heading.
 """
 
 from __future__ import annotations
@@ -72,19 +73,21 @@ def _flown(context: Context) -> list[ConstantOffset]:
     estimate = known_estimate(context)
     if estimate is None:
         return found
+    placed = on_grid(reference, "imu", IMU[1])
     use &= (truth.time_s >= estimate.time_s[0]) & (truth.time_s <= estimate.time_s[-1])
-    if use.sum() < FEWEST_ROWS:
+    if placed is None or (rows := use & placed[1]).sum() < FEWEST_ROWS:
         return found
     turn = so3.interpolate(estimate.time_s, estimate[ROTATION], truth.time_s)
     force = so3.rotate_inverse(turn, truth.acceleration_m_s2 + gravity_up())
-    mean = force[use].mean(axis=0)
+    mean, felt = force[rows].mean(axis=0), placed[0][rows].mean(axis=0)
+    leans, beyond = (np.array([v[1], -v[0]]) / mean[2] for v in (mean, mean - felt))
+    offset = np.where(leans * beyond > 0.0, np.sign(leans) * np.minimum(np.abs(leans), np.abs(beyond)), 0.0)
     stream = "attitude" if "attitude" in context.flight else "attitude_qw"
-    tilt = ConstantOffset(stream, ("roll", "pitch") if stream == "attitude" else ("qx", "qy"),
-                          np.array([mean[1], -mean[0]]) / mean[2], TILT_RAD, "rad", "the accelerations of the path")
-    placed = on_grid(reference, "imu", IMU[1])
-    if placed is None or tilt.wrong or (rows := use & placed[1]).sum() < FEWEST_ROWS:
+    tilt = ConstantOffset(stream, ("roll", "pitch") if stream == "attitude" else ("qx", "qy"), offset, TILT_RAD, "rad",
+                          "the accelerations of the path and the accelerometer")
+    if tilt.wrong:
         return [*found, tilt]
-    return [*found, tilt, ConstantOffset("imu", IMU[1], (placed[0] - force)[rows].mean(axis=0), FLOWN_M_S2, "m/s^2",
+    return [*found, tilt, ConstantOffset("imu", IMU[1], felt - mean, FLOWN_M_S2, "m/s^2",
                                          "the accelerations of the path in the estimated attitude")]
 
 

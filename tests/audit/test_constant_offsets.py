@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from nanobench_tools.auditing.faults import constant_offset
 from nanobench_tools.signals.context import Context
+from nanobench_tools.signals.stream_frames import IMU
 
 
 @pytest.fixture(scope="module", params=["tracked", "alone"])
@@ -34,6 +36,20 @@ def test_half_a_unit_is_found_with_its_size(flown, stream, quantity):
     (fault,) = _found(flown, stream, quantity, 0.5)
     assert fault.columns == (flown[stream].columns[flown[stream].index(quantity)],)
     assert fault.size == pytest.approx(0.5, abs=0.1)
+
+
+def test_a_vehicle_that_leans_into_a_wind_has_no_offset(flown):
+    """It rolls by 0.2 rad more, and its sensors with it: gravity and turning are felt in the leaning axes."""
+    lean = Rotation.from_euler("x", 0.2)
+    attitude, imu = flown["attitude"].values.copy(), flown["imu"].values.copy()
+    attitude[:, flown["attitude"].index("roll")] += 0.2
+    for axes in IMU:
+        at = [flown["imu"].index(q) for q in axes]
+        imu[:, at] = lean.inv().apply(imu[:, at])
+    leaning = flown.with_streams(attitude=replace(flown["attitude"], values=attitude),
+                                 imu=replace(flown["imu"], values=imu))
+    found = constant_offset.find(leaning, Context(leaning))
+    assert [fault.stream for fault in found if fault.stream == "attitude"] == []
 
 
 def test_the_next_offset_is_judged_after_axes_and_units(flown):

@@ -1,9 +1,9 @@
 """constant_offset: a velocity, the tilt of the estimated attitude, or an accelerometer is off by a constant.
 
 Found on the mean of the flight (``signals.constant_offsets``). The mean velocity is the way over the time. The mean
-specific force is known by the accelerations of the path, and by gravity at rest. The path is that of
-the motion capture, else that of the estimate. An offset of the gyro is ``gyro_bias``. A recording with columns in other
-axes, signs or units has to be mended first.
+specific force is known by the accelerations of the path, and by gravity at rest. A tilt that the accelerometer feels
+too is no offset: the vehicle leans into a wind. The path is that of the motion capture, else that of the estimate. An
+offset of the gyro is ``gyro_bias``. A recording with columns in other axes, signs or units has to be mended first.
 
 Size: the offset of the worst axis. Smallest found: 0.3 m/s, 0.1 rad, 0.3 m/s^2 by gravity at rest, else 0.8 m/s^2.
 Real flights have up to 0.15 m/s, 0.04 rad, 0.16 m/s^2 at rest and 0.63 m/s^2 in flight.
