@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,8 +15,10 @@ from ..steps.options import Options, one_line
 from ..tables.result_table import Table
 from .closing import again, close, shown_page
 from .fly_audit import audit_recording
+from .fly_campaign import fly_campaign
 from .fly_controllers import CONTROLLERS_HELP, pilot_for
-from .record import RecordBody, say_export, toc_cache
+from .fly_requests import FlightOptions, refuse_given
+from .record import RecordBody, say_export
 from .shared_options import PATH, FiniteRange, shared_options
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ OWN_MODEL = ("{} plans with the recorded vehicle, the model of a simulated vehic
 
 @click.command()
 @shared_options("data", "columns", "jobs", "scheduler", "clock", "seed")
-@click.option("--controller", required=True, metavar="NAME", help=CONTROLLERS_HELP)
+@click.option("--controller", metavar="NAME", help=CONTROLLERS_HELP)
 @click.option("--trajectory", default="figure_eight", show_default=True, metavar="NAME",
               help="Family of paths, see --list.")
 @click.option("--speed", type=FiniteRange(min=0.05, max=5.0), metavar="M_S", help="Along the path. Default: the "
@@ -68,25 +68,32 @@ OWN_MODEL = ("{} plans with the recorded vehicle, the model of a simulated vehic
 @click.option("--check-motors", is_flag=True, help="Turn every motor for a moment before take-off, and refuse to fly "
               "if a motor or propeller is not as the others and as usual.")
 @click.option("--yes", is_flag=True, help="Arm a real vehicle without asking, for scripts.")
-def fly(options: Options, controller: str, trajectory: str, speed: float | None, size: float | None,
+@click.option("--campaign", type=PATH, metavar="FILE", help="Plan (TOML) of repeated flights of alternated "
+              "controllers, in pairs of equal battery voltage; see docs/flying.md.")
+def fly(options: Options, controller: str | None, trajectory: str, speed: float | None, size: float | None,
         seconds: float | None, uri: str | None, mocap: str | None, record_to: Path | None, blocks: Path | None,
         setpoints: str | None, simulator: Path | None, dry_run: bool, yaw_deg: float, fence: tuple[float, ...],
-        tilt_deg: float, speed_limit: float, battery_limit: float, check_motors: bool, yes: bool) -> int:
+        tilt_deg: float, speed_limit: float, battery_limit: float, check_motors: bool, yes: bool,
+        campaign: Path | None) -> int:
     """Fly a path: checklist, take-off, fade-in, path, fade-out, landing, at 100 Hz.
 
     A broken rule (fence, pose, battery, tilt, speed, controller, deadlines, link, Ctrl-C) ends the flight. The vehicle
     holds its place and lands, and the exit line gives the reason. Nothing is armed when a check fails.
     The space bar or a second Ctrl-C stops the motors at once."""
-    from ..radio.blocks import default_blocks, read_blocks
     from ..radio.fly.flight_plan import chosen_path
     from ..radio.fly.predictive import PlannedPilot
     from ..radio.fly.safety import Limits
-    from ..radio.fly.session import Request, is_simulated
-    from ..radio.mocap.mocap_sources import pose_source
 
-    spec = chosen_path(trajectory, speed, size, seconds)
     limits = Limits(fence_m=tuple(fence), tilt_deg=tilt_deg,  # type: ignore[arg-type]
                     speed_m_s=speed_limit, battery_V=battery_limit)
+    common = FlightOptions(limits, record_to, blocks, yaw_deg, check_motors, yes)
+    if campaign is not None:
+        refuse_given("--campaign", "controller", "trajectory", "speed", "size", "seconds", "setpoints", "simulator",
+                     "dry_run")
+        return fly_campaign(options, campaign, common, uri, mocap)
+    if controller is None:
+        raise UsageError("--controller NAME is needed (or --campaign FILE)")
+    spec = chosen_path(trajectory, speed, size, seconds)
     pilot = pilot_for(controller, setpoints, simulator)
     if uri is not None and uri.startswith("udp://") and simulator is None and isinstance(pilot, PlannedPilot):
         options.say(OWN_MODEL.format(pilot.name))
@@ -94,38 +101,7 @@ def fly(options: Options, controller: str, trajectory: str, speed: float | None,
         return _dry_run(options, spec, pilot, limits)
     if uri is None or mocap is None:
         raise UsageError("--uri URI and --mocap SOURCE are needed (or --dry-run)")
-    source = pose_source(mocap, uri)
-    request = Request(spec, pilot, limits, uri, source,
-                      read_blocks(blocks) if blocks else default_blocks(), math.radians(yaw_deg), record_to,
-                      options.quiet, options.say, toc_cache(),
-                      confirm=confirmation(uri, is_simulated(uri, source), yes), check_motors=check_motors,
-                      motor_tests=None if is_simulated(uri, source) else motor_tests())
-    return _fly(options, request)
-
-
-def motor_tests() -> Path | None:
-    """File with earlier motor tests of the user's vehicles; None where nothing can be written."""
-    folder = toc_cache()
-    return None if folder is None else folder / "motor_tests.json"
-
-
-def confirmation(uri: str, simulated: bool, yes: bool) -> Callable[[], None]:
-    """Returns the call before a vehicle is armed: it waits for Enter if the vehicle is real. Raises UsageError without
-    a terminal, before a link is opened."""
-    if simulated or yes:
-        return lambda: None
-    if not sys.stdin.isatty():
-        raise UsageError(f"--uri {uri}: there is no terminal to confirm that the motors may turn; give --yes")
-
-    def ask() -> None:
-        click.echo("ready: Enter arms and takes off, Ctrl-C ends. In flight Ctrl-C lands; space or a second Ctrl-C "
-                   "stops the motors", err=True)
-        try:
-            input()
-        except (KeyboardInterrupt, EOFError):
-            raise UsageError("not confirmed; not armed") from None
-
-    return ask
+    return _fly(options, common.request(options, spec, pilot, uri, mocap))
 
 
 def _dry_run(options: Options, spec: PathSpec, pilot: Pilot, limits: Limits) -> int:

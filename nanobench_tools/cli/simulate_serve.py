@@ -54,6 +54,8 @@ _OPTIONS: tuple[Callable[..., Any], ...] = (
     click.option("--simulator", type=PATH, metavar="FILE", help="Served: its physics, simulator.toml. Default: the "
                  "recorded vehicle."),
     click.option("--battery", "battery_V", type=float, metavar="V", help="Served: its cell at rest."),
+    click.option("--swap-battery", is_flag=True, default=None, help="Served: every client finds the vehicle at its "
+                 "start with a battery as at first."),
     click.option("--wind", "wind_m_s", type=Numbers(3), metavar="X,Y,Z", help="Served: the air moves so [m/s]."),
     click.option("--start", type=Numbers(4), metavar="X,Y,Z,YAW",
                  help="Served: initial position and heading [m, deg]."),
@@ -80,9 +82,9 @@ _OPTIONS: tuple[Callable[..., Any], ...] = (
     click.option("--bind-anywhere", is_flag=True, default=None, help="Served: allow an address that others on the net "
                  "can reach."),
 )
-SERVE_OPTIONS = ("vehicles", "simulator", "battery_V", "wind_m_s", "start", "positioning", "latency_s", "jitter_s",
-                 "loss", "packets_per_s", "hangs", "mocap_hz", "mocap_noise_m", "mocap_noise_rad", "mocap_delay_s",
-                 "ticks_ppm", "boot_offset_s", "pace", "bind_anywhere")
+SERVE_OPTIONS = ("vehicles", "simulator", "battery_V", "swap_battery", "wind_m_s", "start", "positioning", "latency_s",
+                 "jitter_s", "loss", "packets_per_s", "hangs", "mocap_hz", "mocap_noise_m", "mocap_noise_rad",
+                 "mocap_delay_s", "ticks_ppm", "boot_offset_s", "pace", "bind_anywhere")
 
 
 def serve_options(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -158,7 +160,7 @@ def _made(options: Options, host: str, port: int, count: int, given: dict[str, A
         found.append(SimulatedCrazyflie(
             vehicle, host, port + i, radio=radio, mocap=mocap, drift_ppm=given["ticks_ppm"] or 0.0,
             build=Build(positioning=bool(given["positioning"])), pace=given["pace"] or 1.0,
-            report=functools.partial(_report, options, port + i)))
+            swap_battery=bool(given["swap_battery"]), report=functools.partial(_report, options, port + i)))
     return found
 
 

@@ -11,7 +11,7 @@ import time
 import pytest
 from toy_vehicle import Notes, Toy
 
-from nanobench_tools.cli import fly as cli_fly
+from nanobench_tools.cli import fly_requests as cli_requests
 from nanobench_tools.cli.main import main
 from nanobench_tools.errors import UsageError
 from nanobench_tools.radio.fly.flight_ending import STOP_S
@@ -128,18 +128,18 @@ RADIO = "radio://0/80/2M/E7E7E7E7E7"
 
 def test_a_real_vehicle_is_armed_only_after_a_key(monkeypatch):
     monkeypatch.setattr("sys.stdin", Typed("\n", True))
-    cli_fly.confirmation(RADIO, False, False)()
+    cli_requests.confirmation(RADIO, False, False)(Toy().ready())
     monkeypatch.setattr("sys.stdin", Typed("", True))
     with pytest.raises(UsageError, match="not armed"):
-        cli_fly.confirmation(RADIO, False, False)()
+        cli_requests.confirmation(RADIO, False, False)(Toy().ready())
 
 
 def test_a_script_needs_yes_for_a_real_vehicle_and_not_for_a_simulated_one(monkeypatch):
     monkeypatch.setattr("sys.stdin", Typed("", False))
     with pytest.raises(UsageError, match="give --yes"):
-        cli_fly.confirmation(RADIO, False, False)
-    cli_fly.confirmation(RADIO, False, True)()
-    cli_fly.confirmation("udp://127.0.0.1:19850", True, False)()
+        cli_requests.confirmation(RADIO, False, False)
+    cli_requests.confirmation(RADIO, False, True)(Toy().ready())
+    cli_requests.confirmation("udp://127.0.0.1:19850", True, False)(Toy().ready())
 
 
 def test_nanobench_stop_from_another_terminal_stops_the_motors(capsys):

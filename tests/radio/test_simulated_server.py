@@ -107,6 +107,19 @@ def test_who_asked_in_vain_is_next_when_the_client_is_silent(world: ByHand) -> N
         assert waiting(first) == []
 
 
+@pytest.mark.parametrize(("swap", "flying", "kept"), [(True, False, False), (False, False, True), (True, True, True)])
+def test_every_client_finds_a_new_battery_if_the_vehicle_does_not_fly(world: ByHand, swap, flying, kept) -> None:
+    world.served._swap_battery = swap
+    onboard = world.served.simulation.onboard
+    before = onboard.vehicle.stabilizer
+    onboard.supervisor.flying = flying
+    with client(world.served) as one:
+        one.send(HELLO)
+        assert select.select([world.served._radio_socket], [], [], ANSWER_S)[0]
+        world.served._receive(world.time())
+    assert (world.served.simulation.onboard.vehicle.stabilizer is before) == kept
+
+
 def test_scanning_needs_no_connection(world: ByHand, said: list[str]) -> None:
     with client(world.served) as one:
         world.hears(one, b"\xff")

@@ -34,25 +34,27 @@ ARM_S = 2.0
 @dataclass(frozen=True)
 class Ready:
     """``pose``: of the vehicle on the ground; ``delay_s``: from the host to the vehicle's loops; ``call_s``: median
-    time a set-point takes to make; ``plan``: from here."""
+    time a set-point takes to make; ``plan``: from here; ``battery_V``: at rest."""
 
     pose: Pose
     plan: Plan
     delay_s: float
     call_s: float
+    battery_V: float = float("nan")
 
 
 class Preparation:
     """``feed`` switches on that poses are sent to the vehicle; ``say`` takes one line a step; ``confirm`` is called
-    before motors turn; ``check_motors``: turns them for a moment, and raises to refuse."""
+    before motors turn, and raises to refuse; ``check_motors``: turns them for a moment, and raises to refuse."""
 
     def __init__(self, link: CflibLink, track: PoseTrack, clock: Clock, limits: Limits, mocap: str,
                  feed: Callable[[bool], None], say: Callable[[str], None],
-                 confirm: Callable[[], None] = lambda: None,
+                 confirm: Callable[[Ready], None] = lambda ready: None,
                  check_motors: Callable[[CflibLink], None] | None = None) -> None:
         self.link, self.track, self.clock, self.limits, self.mocap = link, track, clock, limits, mocap
         self._feed, self._say, self._confirm = feed, say, confirm
         self._check_motors = check_motors
+        self._volts: list[float] = []
 
     def run(self, pilot: Pilot, plan_from: Callable[[np.ndarray, float], Plan], yaw_rad: float) -> Ready:
         """Raises InputError for any failed check; the vehicle is then not armed."""
@@ -63,13 +65,14 @@ class Preparation:
         checklist.check_plan(plan, self.limits)
         call_s = self._warm(pilot, plan, delay_s)
         self.link.set_parameter("stabilizer.controller", pilot.onboard)
-        self._confirm()
+        ready = Ready(pose, plan, delay_s, call_s, float(np.mean(self._volts)))
+        self._confirm(ready)
         if self._check_motors is not None:
             self._check_motors(self.link)
         if not checklist.standing_still(self.track, pose):
             raise InputError(f"--mocap {self.mocap}", "the vehicle was moved during the checks", "leave it; not armed")
         self._arm()
-        return Ready(pose, plan, delay_s, call_s)
+        return ready
 
     def _on_the_ground(self) -> Pose:
         uri, values = self.link.uri, self.link.values
@@ -126,6 +129,7 @@ class Preparation:
 
         def come() -> bool:
             newest = self.track.newest
+            self._volts.append(link.values["pm.vbat"])
             return newest is not None and steady.near(self.clock.now(), newest, link.values)
 
         if not checklist.wait_for(self.clock, checklist.CONVERGE_S, come):

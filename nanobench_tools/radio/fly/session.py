@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -42,7 +42,8 @@ GROUND_S = 2.0
 class Request:
     """Request for a flight. ``record_to``: folder, or None; ``blocks`` of the recording; ``quiet``: no display;
     ``say`` takes one line a step; ``cache``: folder for the vehicle's tables; ``confirm`` is called before the vehicle
-    is armed, and raises to refuse; ``check_motors``: test them before; ``motor_tests``: file with earlier tests."""
+    is armed, and raises to refuse; ``check_motors``: test them before; ``motor_tests``: file with earlier tests;
+    ``sheet``: further entries for the recording's sheet."""
 
     spec: PathSpec
     pilot: Pilot
@@ -56,9 +57,10 @@ class Request:
     say: Callable[[str], None] = lambda text: None
     cache: Path | None = None
     clock: Clock = HOST
-    confirm: Callable[[], None] = lambda: None
+    confirm: Callable[[Ready], None] = lambda ready: None
     check_motors: bool = False
     motor_tests: Path | None = None
+    sheet: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,7 @@ def sheet_of(request: Request) -> dict[str, Any]:
     spec = request.spec
     return {"trajectory_type": spec.family, "trajectory_id": spec.trajectory_id, "category": "flown", "repetition": 1,
             "crazyflie_id": request.uri, "params": dict(spec.params), "controller": request.pilot.name,
-            "setpoints": request.pilot.kind, "synthetic": is_simulated(request.uri, request.source)}
+            "setpoints": request.pilot.kind, "synthetic": is_simulated(request.uri, request.source), **request.sheet}
 
 
 def fly_session(request: Request) -> Result:
@@ -117,7 +119,8 @@ def fly_session(request: Request) -> Result:
         listeners: list[Listener] = [watch, tracking, *([helper] if helper is not None else [])]
         if request.record_to is not None:
             name = recording_name([request.spec.trajectory_id, request.pilot.name], clock.now())
-            recorder = Recorder(request.record_to, name, link, running, sheet_of(request), clock)
+            sheet = sheet_of(request) | {"battery_at_rest_V": ready.battery_V}
+            recorder = Recorder(request.record_to, name, link, running, sheet, clock)
             stack.callback(recorder.close)
             recorder.hosted = request.pilot.hosted
             feed.on_pose = recorder.pose

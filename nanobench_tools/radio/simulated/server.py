@@ -35,15 +35,18 @@ class SimulatedCrazyflie:
 
     port 0 takes a free one; poses are at port + 100. drift_ppm of the vehicle's ticks against the host's clock.
     ``build``: special properties of its firmware (a positioning deck, another protocol version). ``pace``: seconds of
-    the vehicle's world in one of the host. ``report``: receives one line on every event of clients. With ``own_clock``
+    the vehicle's world in one of the host. ``report``: receives one line on every event of clients. ``swap_battery``:
+    every client finds the vehicle at its start with a battery as at first, unless it flies. With ``own_clock``
     there is no thread and no socket: time passes in ``advance``. ``start`` raises InputError when an address cannot be
     had.
     """
 
     def __init__(self, vehicle: Vehicle, host: str = "127.0.0.1", port: int = 0, *, radio: RadioOptions | None = None,
                  mocap: MocapOptions | None = None, drift_ppm: float = 0.0, build: Build | None = None,
-                 pace: float = 1.0, own_clock: bool = False, report: Callable[[str], None] = lambda line: None) -> None:
+                 pace: float = 1.0, own_clock: bool = False, report: Callable[[str], None] = lambda line: None,
+                 swap_battery: bool = False) -> None:
         self._host, self._port, self._report, self._own_clock, self._pace = host, port, report, own_clock, pace
+        self._swap_battery = swap_battery
         self._make: Callable[[float], Simulation] = lambda start_s: Simulation(
             vehicle, start_s, radio or RadioOptions(), mocap or MocapOptions(), drift_ppm, build)
         self.simulation = self._make(0.0)
@@ -182,6 +185,8 @@ class SimulatedCrazyflie:
         self._client, self._closing, self._heard_s = sender, False, time.monotonic()
         if self.simulation.onboard.supervisor.state in (State.LOCKED, State.CRASHED):
             self._report("the vehicle was locked or had crashed: it is put back and switched on again")
+            self.simulation.restart()
+        elif self._swap_battery and not self.simulation.onboard.supervisor.flying:
             self.simulation.restart()
         self._refused.discard(sender)
         self._report(f"{sender[0]}:{sender[1]} is connected")
