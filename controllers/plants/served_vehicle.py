@@ -21,6 +21,7 @@ from nanobench_tools.physics.simulator import loads, read_simulator
 from nanobench_tools.practice.rigid_bodies import CONTACT_RAD_S
 from nanobench_tools.practice.vehicle_parameters import OPEN_CIRCUIT, VEHICLE
 
+from .downwash import TURNS, SharedAir
 from .ensemble import shipped_simulator
 from .plant import MOST_DELAY_S, closed_loop_model
 from .served_loop import NOISES, STEP_S, WORLD, run
@@ -60,6 +61,8 @@ class ServedVehicle:
             raise InputError("battery", f"{battery_V:g} V", f"at rest a cell has {BATTERY_V[0]:g} to {BATTERY_V[1]:g}")
         self.model = closed_loop_model(model)
         self._start = (tuple(start_m), yaw_rad, battery_V, tick_ms)
+        self.air: SharedAir | None = None
+        self._push_N = np.zeros(3)
         self._rng = np.random.default_rng([seed, 77])
         self._step = compiled_step(self.model, 1.0 / STEP_S, own_parameters=True)
         self._parameters = np.ascontiguousarray(np.repeat(self.model.values[:, None], LANES, axis=1))
@@ -117,6 +120,8 @@ class ServedVehicle:
     def advance(self, milliseconds: int) -> None:
         """So many loops of the firmware, and of the world around it."""
         s = self.stabilizer
+        if self.air is not None:
+            self._world["push_N"][0] = self._push_N + self.air.force_N(self)
         noise = self._rng.standard_normal((milliseconds, NOISES))
         run(noise, s.loop, s.setpoint, s.gains, s.states, s.build, s.kalman, s.task, s.run, s.measured,
             s.waiting, self._world, self._state, self._row, self._parameters, self._waiting)
@@ -139,7 +144,24 @@ class ServedVehicle:
 
     def push(self, force_N: Sequence[float]) -> None:
         """A force (3,) from outside, world, from now on."""
-        self._world["push_N"][0] = force_N
+        self._push_N = np.array(force_N, float)
+        self._world["push_N"][0] = self._push_N
+
+    @property
+    def place_m(self) -> tuple[float, float, float]:
+        """Position now, as plain numbers."""
+        x, y, z = self._state[POSITION, 0].tolist()
+        return x, y, z
+
+    @property
+    def hover_N(self) -> float:
+        """Thrust of a hover."""
+        return float(self._world["mass_kg"][0] * self._world["gravity"][0])
+
+    @property
+    def rotors_turn(self) -> bool:
+        """Whether there is a jet below it."""
+        return float(self._world["motor"][0].mean()) > TURNS
 
 
 def _zero(model: Model, term: str) -> float:

@@ -17,6 +17,7 @@ from .closing import again, close, shown_page
 from .fly_audit import audit_recording
 from .fly_campaign import fly_campaign
 from .fly_controllers import CONTROLLERS_HELP, pilot_for
+from .fly_fleet import fly_fleet
 from .fly_requests import FlightOptions, refuse_given
 from .record import RecordBody, say_export
 from .shared_options import PATH, FiniteRange, shared_options
@@ -70,11 +71,13 @@ OWN_MODEL = ("{} plans with the recorded vehicle, the model of a simulated vehic
 @click.option("--yes", is_flag=True, help="Arm a real vehicle without asking, for scripts.")
 @click.option("--campaign", type=PATH, metavar="FILE", help="Plan (TOML) of repeated flights of alternated "
               "controllers, in pairs of equal battery voltage; see docs/flying.md.")
+@click.option("--fleet", type=PATH, metavar="FILE", help="Plan (TOML) of two to eight vehicles that fly at once; see "
+              "docs/flying.md.")
 def fly(options: Options, controller: str | None, trajectory: str, speed: float | None, size: float | None,
         seconds: float | None, uri: str | None, mocap: str | None, record_to: Path | None, blocks: Path | None,
         setpoints: str | None, simulator: Path | None, dry_run: bool, yaw_deg: float, fence: tuple[float, ...],
         tilt_deg: float, speed_limit: float, battery_limit: float, check_motors: bool, yes: bool,
-        campaign: Path | None) -> int:
+        campaign: Path | None, fleet: Path | None) -> int:
     """Fly a path: checklist, take-off, fade-in, path, fade-out, landing, at 100 Hz.
 
     A broken rule (fence, pose, battery, tilt, speed, controller, deadlines, link, Ctrl-C) ends the flight. The vehicle
@@ -88,11 +91,15 @@ def fly(options: Options, controller: str | None, trajectory: str, speed: float 
                     speed_m_s=speed_limit, battery_V=battery_limit)
     common = FlightOptions(limits, record_to, blocks, yaw_deg, check_motors, yes)
     if campaign is not None:
-        refuse_given("--campaign", "controller", "trajectory", "speed", "size", "seconds", "setpoints", "simulator",
-                     "dry_run")
+        refuse_given("--campaign", "fleet", "controller", "trajectory", "speed", "size", "seconds", "setpoints",
+                     "simulator", "dry_run")
         return fly_campaign(options, campaign, common, uri, mocap)
+    if fleet is not None:
+        refuse_given("--fleet", "campaign", "controller", "trajectory", "speed", "size", "seconds", "setpoints",
+                     "simulator", "uri", "yaw_deg")
+        return fly_fleet(options, fleet, common, mocap, dry_run)
     if controller is None:
-        raise UsageError("--controller NAME is needed (or --campaign FILE)")
+        raise UsageError("--controller NAME is needed (or --campaign FILE, --fleet FILE)")
     spec = chosen_path(trajectory, speed, size, seconds)
     pilot = pilot_for(controller, setpoints, simulator)
     if uri is not None and uri.startswith("udp://") and simulator is None and isinstance(pilot, PlannedPilot):

@@ -58,7 +58,7 @@ def motor_tests() -> Path | None:
     return None if folder is None else folder / "motor_tests.json"
 
 
-def confirmation(uri: str, simulated: bool, yes: bool) -> Callable[[Ready], None]:
+def confirmation(uri: str, simulated: bool, yes: bool) -> Callable[[Ready | None], None]:
     """Returns the call before a vehicle is armed: it waits for Enter if the vehicle is real. Raises UsageError without
     a terminal, before a link is opened."""
     if simulated or yes:
@@ -66,7 +66,7 @@ def confirmation(uri: str, simulated: bool, yes: bool) -> Callable[[Ready], None
     if not sys.stdin.isatty():
         raise UsageError(f"--uri {uri}: there is no terminal to confirm that the motors may turn; give --yes")
 
-    def ask(ready: Ready) -> None:
+    def ask(ready: Ready | None) -> None:
         click.echo("ready: Enter arms and takes off, Ctrl-C ends. In flight Ctrl-C lands; space or a second Ctrl-C "
                    "stops the motors", err=True)
         try:
@@ -80,7 +80,7 @@ def confirmation(uri: str, simulated: bool, yes: bool) -> Callable[[Ready], None
 def refuse_given(option: str, *names: str) -> None:
     """UsageError if one of the options ``names`` was given in addition to ``option``, whose file has it."""
     context = click.get_current_context()
-    for name in names:
-        source = context.get_parameter_source(name)
-        if source is not None and source is not click.core.ParameterSource.DEFAULT:
-            raise UsageError(f"--{name.replace('_', '-')} does not go with {option}: its file describes the flights")
+    for found in context.command.params:
+        source = context.get_parameter_source(found.name or "")
+        if found.name in names and source not in (None, click.core.ParameterSource.DEFAULT):
+            raise UsageError(f"{found.opts[0]} does not go with {option}: its file describes the flights")

@@ -44,7 +44,7 @@ def simulate(options: Options, flights: int, families: tuple[str, ...], speeds: 
     The same seed gives the same files. With --serve URI nothing is written: a simulated Crazyflie is there for cflib,
     `nanobench fly` and `nanobench record` until Ctrl-C.
     """
-    if serve_uri is not None:
+    if serve_uri is not None or served["fleet"] is not None:
         return serve(options, serve_uri, {**served, "seconds": duration_s})
     if any(served[name] is not None and served[name] is not False for name in SERVE_OPTIONS):
         raise UsageError("options of a served vehicle go with --serve URI")

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import functools
 import ipaddress
+import math
 import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,6 +53,8 @@ _OPTIONS: tuple[Callable[..., Any], ...] = (
                  "motion capture is at the port + 100."),
     click.option("--vehicles", type=click.IntRange(1, MOST_VEHICLES), metavar="N", help="Served: so many, at ports one "
                  "after another."),
+    click.option("--fleet", type=PATH, metavar="FILE", help="Serve the vehicles of a plan of fly --fleet, at their "
+                 "addresses and places."),
     click.option("--simulator", type=PATH, metavar="FILE", help="Served: its physics, simulator.toml. Default: the "
                  "recorded vehicle."),
     click.option("--battery", "battery_V", type=float, metavar="V", help="Served: its cell at rest."),
@@ -82,9 +86,9 @@ _OPTIONS: tuple[Callable[..., Any], ...] = (
     click.option("--bind-anywhere", is_flag=True, default=None, help="Served: allow an address that others on the net "
                  "can reach."),
 )
-SERVE_OPTIONS = ("vehicles", "simulator", "battery_V", "swap_battery", "wind_m_s", "start", "positioning", "latency_s",
-                 "jitter_s", "loss", "packets_per_s", "hangs", "mocap_hz", "mocap_noise_m", "mocap_noise_rad",
-                 "mocap_delay_s", "ticks_ppm", "boot_offset_s", "pace", "bind_anywhere")
+SERVE_OPTIONS = ("vehicles", "fleet", "simulator", "battery_V", "swap_battery", "wind_m_s", "start", "positioning",
+                 "latency_s", "jitter_s", "loss", "packets_per_s", "hangs", "mocap_hz", "mocap_noise_m",
+                 "mocap_noise_rad", "mocap_delay_s", "ticks_ppm", "boot_offset_s", "pace", "bind_anywhere")
 
 
 def serve_options(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -114,14 +118,13 @@ def address(uri: str, anywhere: bool) -> tuple[str, int]:
     return host, number
 
 
-def serve(options: Options, uri: str, given: dict[str, Any]) -> int:
+def serve(options: Options, uri: str | None, given: dict[str, Any]) -> int:
     """Serves until Ctrl-C or for so many seconds."""
-    host, port = address(uri, bool(given["bind_anywhere"]))
-    count = given["vehicles"] or 1
-    if count > 1:
+    spots = _spots(uri, given)
+    if len(spots) > 1:
         sys.setswitchinterval(SWITCH_S)
     with ExitStack() as stack:
-        served = [stack.enter_context(vehicle) for vehicle in _made(options, host, port, count, given)]
+        served = [stack.enter_context(vehicle) for vehicle in _made(options, spots, given)]
         for one in served:
             options.say(f"serving {one.uri}, poses at udp://{one.mocap_address[0]}:{one.mocap_address[1]}; Ctrl-C ends")
         until = time.monotonic() + given["seconds"] if given["seconds"] is not None else float("inf")
@@ -138,7 +141,31 @@ def serve(options: Options, uri: str, given: dict[str, Any]) -> int:
     return 0
 
 
-def _made(options: Options, host: str, port: int, count: int, given: dict[str, Any]) -> Sequence[SimulatedCrazyflie]:
+@dataclass(frozen=True)
+class Spot:
+    """Address and start of a served vehicle: x, y, z [m] and heading [deg]."""
+
+    host: str
+    port: int
+    start: tuple[float, float, float, float]
+
+
+def _spots(uri: str | None, given: dict[str, Any]) -> list[Spot]:
+    """Of a fleet's plan, or one after another from an address on."""
+    anywhere = bool(given["bind_anywhere"])
+    if given["fleet"] is None:
+        host, port = address(str(uri), anywhere)
+        x, y, z, yaw = given["start"] or (0.0, 0.0, 0.0, 0.0)
+        return [Spot(host, port + i, (x, y + 0.5 * i, z, yaw)) for i in range(given["vehicles"] or 1)]
+    if uri is not None or given["vehicles"] is not None or given["start"] is not None:
+        raise UsageError("--fleet FILE has the addresses and places; leave out --serve, --vehicles and --start")
+    from ..radio.fleet.fleet_plan import read_fleet
+
+    return [Spot(*address(vehicle.uri, anywhere), (*vehicle.place_m, 0.0, vehicle.yaw_deg))
+            for vehicle in read_fleet(given["fleet"]).vehicles]
+
+
+def _made(options: Options, spots: Sequence[Spot], given: dict[str, Any]) -> Sequence[SimulatedCrazyflie]:
     """The vehicles, not yet served; their seeds follow one another."""
     from ..radio.simulated.channel import RadioOptions
     from ..radio.simulated.motion_capture import MocapOptions
@@ -155,12 +182,12 @@ def _made(options: Options, host: str, port: int, count: int, given: dict[str, A
                              seed=seed)
         return radio, mocap
 
-    airs, found = [air(options.seed + i) for i in range(count)], []  # refused before the vehicle is made
-    for i, (vehicle, (radio, mocap)) in enumerate(zip(_vehicles(options, count, given), airs, strict=True)):
+    airs, found = [air(options.seed + i) for i in range(len(spots))], []  # refused before the vehicle is made
+    for spot, vehicle, (radio, mocap) in zip(spots, _vehicles(options, spots, given), airs, strict=True):
         found.append(SimulatedCrazyflie(
-            vehicle, host, port + i, radio=radio, mocap=mocap, drift_ppm=given["ticks_ppm"] or 0.0,
+            vehicle, spot.host, spot.port, radio=radio, mocap=mocap, drift_ppm=given["ticks_ppm"] or 0.0,
             build=Build(positioning=bool(given["positioning"])), pace=given["pace"] or 1.0,
-            swap_battery=bool(given["swap_battery"]), report=functools.partial(_report, options, port + i)))
+            swap_battery=bool(given["swap_battery"]), report=functools.partial(_report, options, spot.port)))
     return found
 
 
@@ -168,21 +195,23 @@ def _report(options: Options, port: int, line: str) -> None:
     options.say(f"{port}: {line}")
 
 
-def _vehicles(options: Options, count: int, given: dict[str, Any]) -> list[Any]:
+def _vehicles(options: Options, spots: Sequence[Spot], given: dict[str, Any]) -> list[Any]:
     try:
+        from controllers.plants.downwash import SharedAir
         from controllers.plants.served_vehicle import served
     except ImportError as error:
         raise UsageError(f"the plant is not installed: {error}; {how_to_install('mpc')}") from error
 
     simulator: Path | None = given["simulator"]
-    x, y, z, yaw = given["start"] or (0.0, 0.0, 0.0, 0.0)
     boot_s = 1.0 if given["boot_offset_s"] is None else given["boot_offset_s"]
     if not 0.0 <= boot_s <= 1e6:
         raise InputError("--boot-offset-s", f"{boot_s:g} s", "give 0 to 1e6")
     options.say("making the vehicle (the first time its code is compiled, which takes a minute)")
-    return [served(simulator, start_m=(x, y + 0.5 * i, z), yaw_rad=yaw * 3.141592653589793 / 180.0,
-                   seed=options.seed + i, tick_ms=round(1000.0 * boot_s),
-                   **_some(given, battery_V="battery_V", wind_m_s="wind_m_s")) for i in range(count)]
+    found = [served(simulator, start_m=spot.start[:3], yaw_rad=math.radians(spot.start[3]), seed=options.seed + i,
+                    tick_ms=round(1000.0 * boot_s), **_some(given, battery_V="battery_V", wind_m_s="wind_m_s"))
+             for i, spot in enumerate(spots)]
+    SharedAir(found)
+    return found
 
 
 def _some(given: dict[str, Any], **names: str) -> dict[str, Any]:

@@ -9,6 +9,8 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from .several_flights import together
+
 STDERR = 2
 POSIX = hasattr(signal, "setitimer")
 
@@ -38,6 +40,7 @@ def renew(seconds: float) -> None:
         signal.setitimer(signal.ITIMER_REAL, seconds)
 
 
+@together
 @contextmanager
 def last_resort(seconds: float) -> Iterator[None]:
     """If a program is still within the ``with`` after this time, the system ends it (SIGALRM). The place of its

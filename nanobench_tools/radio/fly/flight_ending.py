@@ -10,6 +10,7 @@ from ..host_clock import Clock
 from ..vehicle_link import FLYING, Link
 from . import safety, setpoint_packets
 from .attitude_descent import descend
+from .company import ALONE, Company
 from .flight_plan import LANDING, TAKEOFF
 from .flight_state import FlightState
 from .outcome import Listener
@@ -47,8 +48,9 @@ class FlightEnding(FlightState):
     """``feed`` switches off that poses are sent to the vehicle."""
 
     def __init__(self, link: Link, track: PoseTrack, ready: Ready, limits: Limits, clock: Clock,
-                 listeners: tuple[Listener, ...], gate: PoseGate | None, feed: Callable[[bool], None]) -> None:
-        super().__init__(link, track, ready, limits, clock, listeners, gate)
+                 listeners: tuple[Listener, ...], gate: PoseGate | None, feed: Callable[[bool], None],
+                 company: Company = ALONE) -> None:
+        super().__init__(link, track, ready, limits, clock, listeners, gate, company)
         self._hard = safety.HardFence(*limits.fence)
         self._feed = feed
         self._watches_estimate = False
@@ -61,12 +63,12 @@ class FlightEnding(FlightState):
         watched = [rule for rule in self.rules if isinstance(rule, safety.LostLink | safety.VehicleStopped)]
         stop = first_stop(watched, self._now, LANDING)
         if stop is not None:
-            self._note(f"stop: {stop}")
+            self._stopping(stop)
         return stop
 
     def _end(self, stop: Stop) -> Stop:
         """Holds, lands, and says why."""
-        self._note(f"stop: {stop}")
+        self._stopping(stop)
         now = self._now
         if stop.rule == safety.PosesDisagree.name and self._phase == TAKEOFF and \
                 now.position_m[2] < self.ground_m + LOW_M:
@@ -127,7 +129,7 @@ class FlightEnding(FlightState):
     def _emergency(self) -> Stop:
         """Motors off at once, wherever the vehicle is; repeated until it reports so."""
         stop = Stop("emergency stop", self.interrupts.emergency, self._now.time_s, self._phase)
-        self._note(f"stop: {stop}")
+        self._stopping(stop)
         until, locked = self.clock.now() + STOP_S, False
         while not locked and self.clock.now() < until:
             try:
@@ -186,7 +188,7 @@ class FlightEnding(FlightState):
         vehicle's watchdog levels it and then stops its motors."""
         stop = Stop("interrupted", f"{self.interrupts.requested} twice: left to the vehicle's own landing and watchdog",
                     self._now.time_s, self._phase)
-        self._note(f"stop: {stop}")
+        self._stopping(stop)
         self._outcome.left = True
         if self._phase not in (GROUND, LANDED):
             command_landing(self.link, self.ground_m, self._height())

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from ..host_clock import Clock
+from ..several_flights import together
 
 PRIORITY = 2
 """Of real time: before all ordinary processes and a simulated vehicle that has the least, behind the system's own."""
@@ -76,6 +77,7 @@ class Pacer:
         self.beat.missed += late
 
 
+@together
 @contextmanager
 def ahead_of_others() -> Iterator[None]:
     """Run this process's threads before those of others, where the system allows it (Linux: root, CAP_SYS_NICE or a
@@ -99,14 +101,17 @@ def ahead_of_others() -> Iterator[None]:
                 os.sched_setscheduler(number, policy, parameter)
 
 
+@together
 @contextmanager
-def undisturbed() -> Iterator[None]:
-    """No garbage collection, and other threads give way soon."""
+def undisturbed(single: bool = True) -> Iterator[None]:
+    """No garbage collection, and other threads give way soon. Without ``single`` several flights are in the program.
+    Loops that give way to each other so soon miss far more deadlines."""
     collected, switch = gc.isenabled(), sys.getswitchinterval()
     gc.collect()
     gc.freeze()
     gc.disable()
-    sys.setswitchinterval(SWITCH_S)
+    if single:
+        sys.setswitchinterval(SWITCH_S)
     try:
         yield
     finally:

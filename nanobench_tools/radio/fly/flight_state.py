@@ -7,6 +7,7 @@ import numpy as np
 from ..host_clock import Clock
 from ..vehicle_link import Link
 from . import safety
+from .company import ALONE, Company
 from .dead_reckoning import DeadReckoning
 from .flight_loop import Pacer
 from .flight_plan import Plan
@@ -35,11 +36,12 @@ class FlightState:
     """State of one flight of a prepared vehicle."""
 
     def __init__(self, link: Link, track: PoseTrack, ready: Ready, limits: Limits, clock: Clock,
-                 listeners: tuple[Listener, ...], gate: PoseGate | None) -> None:
+                 listeners: tuple[Listener, ...], gate: PoseGate | None, company: Company = ALONE) -> None:
         self.link, self.track, self.limits, self.clock = link, track, limits, clock
         self.plan: Plan = ready.plan
         self.ground_m = float(ready.pose.position_m[2])
-        self.rules = safety.rules(limits)
+        self.company = company
+        self.rules = (*safety.rules(limits), *company.rules)
         self.interrupts = Interrupts()
         self._gate = gate or PoseGate()
         self._gate.ground_m = self.ground_m
@@ -98,6 +100,7 @@ class FlightState:
             self.link.request_echo()
 
     def _report(self, time_s: float, commanded_m: np.ndarray | None, yaw_rad: float = 0.0) -> None:
+        self.company.seen(self._phase, self._believed)
         for listener in self._listeners:
             listener.tick(time_s, self._phase, self._believed, commanded_m, yaw_rad)
 
@@ -105,6 +108,11 @@ class FlightState:
         self._phase = phase
         self._outcome.phases.append((phase, host_s))
         self._note(phase)
+
+    def _stopping(self, stop: safety.Stop) -> None:
+        """The flight ends early: those who listen and the others in the air know at once."""
+        self._note(f"stop: {stop}")
+        self.company.stopped(stop)
 
     def _note(self, text: str) -> None:
         for listener in self._listeners:
@@ -127,6 +135,7 @@ class FlightState:
         return place_m + (off if np.isfinite(off).all() else 0.0)
 
     def _alive(self) -> None:
+        self.interrupts.raise_if_asked()
         if self._guardian is not None:
             self._guardian.alive()
 

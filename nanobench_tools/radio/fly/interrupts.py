@@ -24,7 +24,7 @@ class Interrupts:
         self.requested = ""
         self.emergency = ""
         self._count = self._pressed = 0
-        self._waking = False
+        self._waking = self._raised = False
         self._flying: int | None = None
         self._lock = threading.Lock()
 
@@ -58,6 +58,16 @@ class Interrupts:
             if self._flying is not None:
                 signal.pthread_kill(self._flying, signal.SIGTERM)
 
+    def raise_if_asked(self) -> None:
+        """In a thread that gets no signals: raise KeyboardInterrupt once after a second request."""
+        if self._flying is None and self._count >= AT_ONCE and not self._raised:
+            self._raised = True
+            raise KeyboardInterrupt
+
+    def leave(self, why: str) -> None:
+        """From any thread, for a flight in a thread without signals: as a second request to end."""
+        self.requested, self._count = self.requested or why, AT_ONCE
+
     def _note(self, which: int, frame: FrameType | None) -> None:
         if self._waking:
             self._waking = False
@@ -70,4 +80,5 @@ class Interrupts:
         if self._pressed >= AT_ONCE:
             self.emergency = self.emergency or "Ctrl-C twice"
         if self._count >= AT_ONCE and self._flying is not None:
+            self._raised = True
             raise KeyboardInterrupt

@@ -10,6 +10,7 @@ from ..host_clock import Clock
 from ..in_time import end_at_once
 from ..vehicle_link import Link
 from . import safety, setpoint_packets
+from .company import ALONE, Company
 from .flight_ending import GROUND, GROUND_M, FlightEnding
 from .flight_loop import Pacer, ahead_of_others, undisturbed
 from .flight_plan import LANDING, TAKEOFF
@@ -35,13 +36,13 @@ been lost, then late, since the integrators of a heavy vehicle need time."""
 
 class Flight(FlightEnding):
     """One flight of a prepared vehicle. ``setpoint``: told of every packet that is sent, with its host time. ``gate``
-    of the poses; ``feed`` switches off that they are sent to the vehicle."""
+    of the poses; ``feed`` switches off that they are sent to the vehicle; ``company``: others in the air."""
 
     def __init__(self, link: Link, track: PoseTrack, pilot: Pilot, ready: Ready, limits: Limits, clock: Clock,
                  listeners: tuple[Listener, ...] = (), setpoint: Callable[[float, bytes], None] | None = None,
                  ground_s: float = 0.0, gate: PoseGate | None = None,
-                 feed: Callable[[bool], None] = lambda on: None) -> None:
-        super().__init__(link, track, ready, limits, clock, listeners, gate, feed)
+                 feed: Callable[[bool], None] = lambda on: None, company: Company = ALONE) -> None:
+        super().__init__(link, track, ready, limits, clock, listeners, gate, feed, company)
         self.pilot, self.ground_s, self._setpoint = pilot, ground_s, setpoint
         self._hung: Stop | None = None
 
@@ -53,7 +54,7 @@ class Flight(FlightEnding):
                 self._guardian = Guardian(HANG_S, self._take_over, self._give_up)
                 stack.enter_context(self._guardian.watching())
                 stack.enter_context(ahead_of_others())  # a thread that begins later is not among them
-            stack.enter_context(undisturbed())  # collects garbage, for which poses have to wait
+            stack.enter_context(undisturbed(self.company.single))  # collects garbage, for which poses have to wait
             try:
                 with self.interrupts.caught():
                     stop = self._flown()
@@ -113,7 +114,7 @@ class Flight(FlightEnding):
         while (time_s := self.clock.now() - start) < self.ground_s:
             self._look(time_s - self.ground_s)
             if (stop := first_stop(self.rules, self._now, GROUND)) is not None:
-                self._note(f"stop: {stop}")
+                self._stopping(stop)
                 self._rest()
                 return stop
             self._idle()
@@ -188,13 +189,18 @@ class Flight(FlightEnding):
         stop = Stop("overrun", why, self._now.time_s, self._phase)
         try:
             self._end(stop)
+        except KeyboardInterrupt:  # of a flight in a thread
+            self._emergency()
         except Exception as error:  # nobody else is there to end the flight
             self._note(f"the hand-over raised {type(error).__name__}: {error}")
         self._hung = stop
         self.interrupts.wake()
 
     def _give_up(self, why: str) -> None:
-        """The call does not come back, not even when it is woken: the program ends, with its recording written."""
+        """The call does not come back, not even when it is woken: the program ends, with its recording written. In
+        company the flight is abandoned, since others fly in this program."""
+        if self.company.abandons(Stop("overrun", why, self._now.time_s, self._phase)):
+            return
         why += " and cannot be stopped: the program ends"
         self._note(why)
         time.sleep(WRITTEN_S)

@@ -19,6 +19,7 @@ from ..recorder import Recorder, check_folder, recording_name
 from ..vehicle_link import FLYING, CflibLink, check_uri, open_link
 from .checklist import check_tables, health_blocks
 from .companion import companion
+from .company import ALONE, GROUND_S, Company
 from .flight_plan import Plan
 from .keys import space_stops
 from .mission import Flight
@@ -34,8 +35,6 @@ from .watch import Watch
 HOST = HostClock()
 STARTS_S = 60.0
 """Limit for a vehicle that does not answer yet: a simulated one compiles for half a minute at its first start."""
-GROUND_S = 2.0
-"""At rest before take-off and after landing, for what reads the recording."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,8 @@ class Request:
     """Request for a flight. ``record_to``: folder, or None; ``blocks`` of the recording; ``quiet``: no display;
     ``say`` takes one line a step; ``cache``: folder for the vehicle's tables; ``confirm`` is called before the vehicle
     is armed, and raises to refuse; ``check_motors``: test them before; ``motor_tests``: file with earlier tests;
-    ``sheet``: further entries for the recording's sheet."""
+    ``sheet``: further entries for the recording's sheet; ``company``: others in the air;
+    ``label``: begins the name of the recording."""
 
     spec: PathSpec
     pilot: Pilot
@@ -61,6 +61,8 @@ class Request:
     check_motors: bool = False
     motor_tests: Path | None = None
     sheet: Mapping[str, Any] = field(default_factory=dict)
+    company: Company = ALONE
+    label: str = ""
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,7 @@ def fly_session(request: Request) -> Result:
         check_folder(request.record_to)
     recorder: Recorder | None = None
     with ExitStack() as stack:
-        clock = request.clock
+        clock, company = request.clock, request.company
         helper = stack.enter_context(companion(request.uri)) if clock.real else None
         link = stack.enter_context(open_link(request.uri, clock, request.cache, STARTS_S, request.say))
         check_tables(request.uri, set(link.log_types), link.parameters)
@@ -114,11 +116,11 @@ def fly_session(request: Request) -> Result:
         if helper is not None:
             helper.port(link.udp_port)
             helper.ground_m = float(ready.pose.position_m[2])
-        watch = Watch(link, quiet=request.quiet)
+        watch = Watch(link, quiet=request.quiet or not company.single)
         tracking = TrackingError()
         listeners: list[Listener] = [watch, tracking, *([helper] if helper is not None else [])]
         if request.record_to is not None:
-            name = recording_name([request.spec.trajectory_id, request.pilot.name], clock.now())
+            name = recording_name([request.label, request.spec.trajectory_id, request.pilot.name], clock.now())
             sheet = sheet_of(request) | {"battery_at_rest_V": ready.battery_V}
             recorder = Recorder(request.record_to, name, link, running, sheet, clock)
             stack.callback(recorder.close)
@@ -127,11 +129,12 @@ def fly_session(request: Request) -> Result:
             recorder.start()
             listeners.append(recorder)
         flight = Flight(link, feed.track, request.pilot, ready, request.limits, clock, tuple(listeners), feed.sent,
-                        ground_s=GROUND_S, gate=feed.gate, feed=feed.switch)
+                        ground_s=company.ground_s(clock), gate=feed.gate, feed=feed.switch, company=company)
+        company.flies(flight.interrupts)
         watch.beat_of = lambda: flight.pacer.beat
         if recorder is not None:
             recorder.beat_of = watch.beat_of
-        keys = (space_stops(lambda: flight.interrupts.stop("space bar")) if clock.real
+        keys = (space_stops(lambda: flight.interrupts.stop("space bar")) if clock.real and company.single
                 else nullcontext())
         requests = (listening(request.uri, lambda: flight.interrupts.stop("nanobench stop")) if clock.real
                     else nullcontext())

@@ -41,8 +41,10 @@ class VirtualWorld:
     synthetic = True
     _worlds = itertools.count()
 
-    def __init__(self, vehicle: Vehicle, radio: RadioOptions | None = None, mocap: MocapOptions | None = None) -> None:
-        self._start_s = START_S + APART_S * next(self._worlds)
+    def __init__(self, vehicle: Vehicle, radio: RadioOptions | None = None, mocap: MocapOptions | None = None,
+                 uri: str = URI, start_s: float | None = None) -> None:
+        self.uri = uri
+        self._start_s = START_S + APART_S * next(self._worlds) if start_s is None else start_s
         self.simulation = Simulation(vehicle, self._start_s, radio or RadioOptions(), mocap or MocapOptions())
         self.down = False
         """True: the link is gone, nothing passes in either direction."""
@@ -120,7 +122,7 @@ class VirtualWorld:
 
     @contextmanager
     def served(self) -> Iterator[str]:
-        """The URI under which cflib finds this world, within a ``with``; one world at a time."""
+        """The URI under which cflib finds this world, within a ``with``."""
         import cflib.crtp
 
         if not cflib.crtp.CLASSES:
@@ -128,7 +130,7 @@ class VirtualWorld:
         driver = _driver(self)
         cflib.crtp.CLASSES.insert(0, driver)
         try:
-            yield URI
+            yield self.uri
         finally:
             cflib.crtp.CLASSES.remove(driver)
 
@@ -153,7 +155,7 @@ def _driver(world: VirtualWorld) -> type:
             self._closed = threading.Event()
 
         def connect(self, uri: str, statistics: Any, error: Any) -> None:
-            if uri != URI:
+            if uri != world.uri:
                 raise WrongUriType
             world.inbox.clear()
             world.crazyflie = error.__self__  # drivers report errors to the Crazyflie that opens them
