@@ -28,7 +28,8 @@ POSITION, QUATERNION = ("px", "py", "pz"), ("qx", "qy", "qz", "qw")
 LINES_SEEN = 40
 """Lines of a preamble, at most."""
 QUALISYS = ("NO_OF_FRAMES", "FREQUENCY")
-VICON = ("Objects", "Segments", "Global Angle (deg)", "Trajectories")
+VICON = ("Objects", "Segments", "Global Angle (deg)", "Trajectories", "Devices", "Joints", "Model Outputs", "Subjects")
+"""Titles of sections; a file may have several, each with its rate and its names."""
 VICON_KIND = re.compile(r"^(Global|Local) (Angle|Translation|Rotation) ?")
 """Before the name of a body where each of its groups of columns has a title."""
 ROTATION_MATRIX = 9
@@ -49,7 +50,7 @@ class Export:
     - program, body.
     - columns of position (3,) and attitude (4, 9, 3 or none) by place; ``turn``: one of quaternion, matrix, euler.
     - length: m per unit.
-    - time: place of seconds, else of frames, with their rate; first: row of data."""
+    - time: place of seconds, else of frames, with their rate; first, end: rows of data (None: up to the last)."""
 
     program: str
     bodies: tuple[str, ...]
@@ -62,6 +63,7 @@ class Export:
     first: int
     frame: str = ""
     note: str = ""
+    end: int | None = None
 
 
 class MocapExport:
@@ -80,10 +82,11 @@ class MocapExport:
         if len(export.bodies) != 1:
             raise InputError(place, f"an export of {export.program} with {len(export.bodies)} rigid bodies "
                              f"({', '.join(export.bodies)})", "export one of them to a separate file")
-        decimal = "," if any("," in cell for row in rows[export.first:export.first + 20] for cell in row) else "."
+        rows = rows[export.first:export.end]
+        decimal = "," if any("," in cell for row in rows[:20] for cell in row) else "."
         wanted = (export.time, *export.position, *export.attitude)
         cells = np.array([[parse_number(row[k].strip(), decimal) if k < len(row) else np.nan for k in wanted]
-                          for row in rows[export.first:] if any(row)])
+                          for row in rows if any(row)])
         kept = np.isfinite(cells[:, 0]) if len(cells) else np.zeros(0, dtype=bool)
         if not kept.any():
             raise InputError(place, f"an export of {export.program} without a row of numbers", "export it again")
@@ -198,21 +201,40 @@ def _qualisys(rows: list[list[str]], place: str) -> Export:
 
 
 def _vicon(rows: list[list[str]], place: str) -> Export:
-    names = _at(rows, "Frame", place, "Vicon")
-    rate = _rate(next((r[0] for r in rows[1:names] if r and parse_number(r[0].strip()) > 0.0), ""), place)
+    titles = [k for k, row in enumerate(rows) if _lone(row) in VICON and k + 1 < len(rows) and
+              parse_number((_lone(rows[k + 1]).split() or [""])[0]) > 0.0] or [0]
+    ends = [*titles[1:], len(rows)]
+    names_at = {k: next((n for n in range(k, min(end, k + LINES_SEEN)) if rows[n] and rows[n][0].strip() == "Frame"),
+                        None) for k, end in zip(titles, ends, strict=True)}
+    posed = {k: n for k, n in names_at.items() if n is not None
+             and {"TX", "TY", "TZ"} <= {c.strip() for c in rows[n]}}
+    if len(posed) != 1:
+        seen = ", ".join(filter(None, [_lone(rows[k]) for k in posed or titles])) or "no section"
+        what = "without TX, TY, TZ; it contains" if not posed else f"with {len(posed)} sections of poses:"
+        raise InputError(place, f"a Vicon export {what} {seen}", "export the object or its segments, not its markers"
+                         if not posed else "export each to a separate file")
+    (title, names), = posed.items()
+    rate = _rate((_lone(rows[title + 1]).split() or [""])[0], place)
     header = [c.strip() for c in rows[names]]
+    count = header.count("TX")
     bodies = tuple(dict.fromkeys(VICON_KIND.sub("", c.strip()) for c in rows[names - 1] if c.strip()))
-    if not all(n in header for n in ("TX", "TY", "TZ")):
-        raise InputError(place, f"a Vicon export without TX, TY, TZ; it contains {', '.join(bodies) or 'no body'}",
-                         "export the object or its segments, not its markers")
-    units = [c.strip() for c in rows[names + 1]] if names + 1 < len(rows) else []
-    at = header.index("TX")
+    bodies = bodies if len(bodies) >= count else tuple(f"body {k + 1}" for k in range(count))
+    at = tuple(header.index(n) for n in ("TX", "TY", "TZ"))
+    below = [c.strip() for c in rows[names + 1]] if names + 1 < len(rows) else []
+    units = dict.fromkeys(below[k] if k < len(below) else "" for k in at)
+    if len({_length(unit, place) for unit in units}) > 1:
+        raise InputError(place, f"TX, TY and TZ are in different units ({', '.join(units)})", "export them in one unit")
     whole = all(n in header for n in ("RX", "RY", "RZ", "RW"))
-    note = "" if whole else "RX, RY, RZ are not read: Euler angles or a rotation vector, the file does not say which"
-    return Export("Vicon", bodies, tuple(header.index(n) for n in ("TX", "TY", "TZ")),
-                  tuple(header.index(n) for n in ("RX", "RY", "RZ", "RW")) if whole else (),
-                  "quaternion" if whole else "", _length(units[at] if at < len(units) else "", place),
-                  header.index("Frame"), rate, names + 2, "", note)
+    notes = [] if whole else ["RX, RY, RZ are not read: Euler angles or a rotation vector, the file does not say which"]
+    notes += [f"section {_lone(rows[k])} is not read" for k in titles if k != title]
+    return Export("Vicon", bodies, at, tuple(header.index(n) for n in ("RX", "RY", "RZ", "RW")) if whole else (),
+                  "quaternion" if whole else "", _length(next(iter(units)), place), header.index("Frame"), rate,
+                  names + 2, "", "; ".join(notes), ends[titles.index(title)])
+
+
+def _lone(row: list[str]) -> str:
+    """The cell of a row that has no other; "" for other rows."""
+    return row[0].strip() if row and not any(c.strip() for c in row[1:]) else ""
 
 
 def _length(text: str, place: str) -> float:
