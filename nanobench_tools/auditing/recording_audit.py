@@ -38,7 +38,7 @@ class Audit(Result):
       other streams (``clean_for`` with the battery cuts it).
     - clock and rates: per stream.
     - lost_link: how a flight ended whose link or log was lost in the air, in words; "" for others.
-    - unchecked: signs, axes and offsets that no other column of the recording shows, in words.
+    - unchecked: signs, axes, scales and offsets that no other column of the recording shows, in words.
     """
 
     flight: str

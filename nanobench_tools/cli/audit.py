@@ -77,7 +77,7 @@ def health_lines(body: Mapping[str, Any]) -> list[str]:
 
 
 def open_of(entry: Mapping[str, Any]) -> str:
-    """Signs, axes and offsets that no other column shows, in one line; "" where everything is checked."""
+    """Signs, axes, scales and offsets that no other column shows, in one line; "" where everything is checked."""
     left = entry["unchecked"]
     return one_line(f"{entry['flight']} cannot be checked for {'; '.join(left)}") if left else ""
 

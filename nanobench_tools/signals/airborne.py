@@ -65,12 +65,13 @@ def height_of(context: Context) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 def position_of(context: Context) -> tuple[np.ndarray, np.ndarray] | None:
-    """time_s (n,), position (n, 3) m of the stream of ``height_of``."""
+    """time_s (n,), position (n, 3) m of the stream of ``height_of``; without an axis that was not logged."""
     streams = _with_poses(context)
     for name, columns in (("mocap", ("px", "py", "pz")), ("estimator", ("x", "y", "z"))):
-        if name in streams and all(c in streams[name].quantities for c in columns):
+        if name in streams and columns[2] in streams[name].quantities:
             stream = streams[name]
-            position = stream[columns] / (context.once(tracker_scale) if name == "mocap" else 1.0)
+            position = stream[[c for c in columns if c in stream.quantities]]
+            position = position / (context.once(tracker_scale) if name == "mocap" else 1.0)
             good = np.isfinite(position).all(axis=1)
             if good.sum() > 1:
                 return stream.time_s[good], position[good]
@@ -165,5 +166,5 @@ def _flies(context: Context, span: Span) -> bool:
         return False
     time_s, position = place
     there = position[span.mask(time_s)]
-    moved = np.ptp(np.quantile(there, (0.05, 0.95), axis=0), axis=0) if len(there) > 10 else np.zeros(3)
+    moved = np.ptp(np.quantile(there, (0.05, 0.95), axis=0), axis=0) if len(there) > 10 else np.zeros(1)
     return bool((inside > CARRIES * np.median(command)).mean() > CARRIES and (moved > MOVED_M).any())

@@ -91,9 +91,9 @@ def motor_turning(context: Context) -> MotorTurning | None:
 
 
 def judged_gyro(context: Context) -> bool | None:
-    """Whether an attitude, tracked or estimated, turns about x and y as the gyro does; None without an attitude."""
+    """Whether an attitude, tracked or estimated, turns about x and y as the gyro does; None where none shows it."""
     own, tracked = context.once(own_turning), context.once(axis_unit_matches).get(gyro_pair)
-    if tracked is not None:
+    if tracked is not None and (tracked.swapped or min(tracked.sign[:2]) != 0):
         return min(tracked.sign[:2]) > 0 and not tracked.swapped
     return None if own is None else bool(own.order == (0, 1, 2) and min(own.follows[0, 0], own.follows[1, 1]) > FOLLOWS)
 

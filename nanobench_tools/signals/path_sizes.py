@@ -76,7 +76,7 @@ def tilted_path(context: Context) -> WrongUnit | None:
     factor = float(np.exp(np.mean(np.log(ratio[wrong]))))
     named = named_factor("m", factor, FACTOR_WITHIN / float(follows[wrong].max()))
     names = tuple(POSITION[k] for k in wrong)
-    both_axes = " (or the time is in another unit)" if len(wrong) > 1 else ""
+    both_axes = f" (or times are {factor ** -0.5:.3g} times the true ones)" if len(wrong) > 1 else ""
     return WrongUnit("mocap", names, named.factor, f"{', '.join(names)} accelerates {factor:.3g} times as much as the "
                                                    f"tilt gives{both_axes}{named.reading}")
 

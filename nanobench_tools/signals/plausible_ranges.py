@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..flight import Stream, motors_of
+from ..flight import Stream, mask_of, motors_of
 from ..settings import number, setting
 from ..units import GRAVITY_M_S2, PWM_FULL_SCALE
+from .airborne import airborne_spans
 from .column_evidence import noise_by_axis, one_unit
 from .context import Context
 from .dropouts import alive_until
@@ -25,6 +26,10 @@ from .usable_rows import typical_step_s, usable_streams
 FACTOR = number("audit.plausible_ranges.factor")
 SLOWEST_STEP_S = number("audit.plausible_ranges.slowest_step_s")
 BATTERY_V = setting("audit.plausible_ranges.battery_v")
+ROTOR_RAD_S = setting("audit.plausible_ranges.rotor_rad_s")
+FLIES_WITH = number("audit.plausible_ranges.flies_with")
+LEAST_BELOW = 0.05
+"""Of full, and of the rows: commands below zero that are no rounding."""
 POSITION = ("px", "py", "pz")
 SHAKES = number("audit.plausible_ranges.shakes")
 NOISE_WITHIN = number("audit.plausible_ranges.noise_within")
@@ -116,6 +121,7 @@ def wrong_ranges(context: Context) -> list[WrongUnit]:
         ("pid", ("cmd_thrust",)),
     ):
         found += _commands(context, name, quantities)
+    found += _rotor_speeds(context)
     for name, angles in (("attitude", ("roll", "pitch", "yaw")), ("setpoint", ("yaw",)),
                          ("pid", ("roll", "pitch", "yaw"))):
         angle = _alive(context, name, angles)
@@ -141,6 +147,26 @@ def _commands(context: Context, name: str, quantities: tuple[str, ...]) -> list[
     if top > 2.0:
         factor = PWM_FULL_SCALE if top > 256.0 else 100.0
         found.append(WrongUnit(name, names, factor, f"{', '.join(names)} reach {top:.4g} where 1 is full"))
-    elif 0.0 < top < 1e-3:
+    elif 0.0 < top < (FLIES_WITH if context.once(airborne_spans) else 1e-3):
         found.append(WrongUnit(name, names, 1.0 / PWM_FULL_SCALE, f"{', '.join(names)} never exceed {top:.2g} of full"))
+    low = float(np.quantile(command[:, alike], LEAST_BELOW)) if name != "pid" else 0.0
+    if low < -LEAST_BELOW and 0.0 < top <= 2.0:
+        found.append(WrongUnit(name, names, 2.0, f"{', '.join(names)} go down to {low:.3g}, and a command is 0 to "
+                                                 "1: they are -1 to 1, or rotors turn both ways"))
     return found
+
+
+def _rotor_speeds(context: Context) -> list[WrongUnit]:
+    """Rotors that turn more slowly or faster in flight than those of any vehicle."""
+    stream, air = context.once(usable_streams).get("rpm"), context.once(airborne_spans)
+    if stream is None or not air or not (names := motors_of(stream)):
+        return []
+    there = np.abs(stream[names][mask_of(air, stream.time_s)])
+    there = there[np.isfinite(there).all(axis=1) & there.any(axis=1)]
+    speed = float(np.median(there)) if len(there) else 0.0
+    if not speed > 0.0 or ROTOR_RAD_S[0] <= speed <= ROTOR_RAD_S[1]:
+        return []
+    factor = 1.0 / 60.0 if speed < ROTOR_RAD_S[0] else 6.0
+    what = "revolutions per second, or thousands" if factor < 1.0 else "an electrical speed"
+    return [WrongUnit("rpm", names, factor, f"rotors turn at {speed:.3g} rad/s ({speed * 30.0 / np.pi:.3g} rpm) in "
+                                            f"flight: {what}")]

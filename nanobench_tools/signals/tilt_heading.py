@@ -66,6 +66,17 @@ def straight(context: Context) -> float:
     return follows if abs(angle) < TURNED_RAD else 0.0
 
 
+def followed_axes(context: Context) -> tuple[bool, bool]:
+    """Whether the path follows the tilt along x, and along y; one that hardly moves along an axis shows nothing."""
+    both = context.once(tilt_and_acceleration)
+    if both is None or straight(context) < FOLLOWS:
+        return False, False
+    size = np.sqrt(np.mean(both[:2] ** 2, axis=1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x, y = np.mean(both[0] * both[1], axis=0) / (size[0] * size[1]) > FOLLOWS
+    return bool(x), bool(y)
+
+
 def half_turned(context: Context) -> bool:
     """Whether the tilt fits the path as well with inverted quaternions: the heading is near half a turn throughout."""
     both = context.once(tilt_and_acceleration)

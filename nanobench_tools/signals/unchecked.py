@@ -1,9 +1,11 @@
-"""Which signs, axes and offsets no other column of a recording shows: what an audit without a finding leaves open."""
+"""Which signs, axes, scales and offsets no other column of a recording shows: what an audit without a finding leaves
+open."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from ..flight import motors_of
 from .attitude_signs import angle_matches
 from .axis_unit_matching import axis_unit_matches
 from .constant_offsets import RESTING_M_S2, constant_offsets
@@ -15,12 +17,14 @@ from .held_poses import POSITION, ROTATION
 from .motor_turning import MOTORS, motor_turning
 from .own_reference import matches_by_estimate, own_reference
 from .own_turning import FOLLOWS, own_turning
+from .pairs import force_pair
 from .shared_frame import PLACE
-from .tilt_heading import FOLLOWS as TILT_FOLLOWS
-from .tilt_heading import straight
+from .tilt_heading import followed_axes
 
 SIGNED = {"mocap": (*POSITION, *ROTATION), "estimator": (*PLACE, "vx", "vy", "vz"), "attitude": EULER,
           "imu": (*GYRO, *ACC), "estimator_acc": ("ax", "ay", "az")}
+SCALED = ("motor", "motor_request", "rpm", "command", "battery", "stand")
+"""Streams with sizes that depend on the vehicle, so that only a factor beyond any vehicle shows."""
 OFFSETS = {"estimator": ("vx", "vy", "vz"), "attitude": EULER, "imu": ACC}
 
 
@@ -31,14 +35,32 @@ def unchecked(context: Context) -> tuple[str, ...]:
     for name, names in SIGNED.items():
         left = [q for q in names if name in streams and q in streams[name] and (name, q) not in shown]
         found += [f"sign and axis of {', '.join(left)} ({name})"] if left else []
-    if "motor" in streams and all(q in streams["motor"] for q in MOTORS) and motor_turning(context) is None:
+    if "motor" in streams and "stand" not in streams and all(q in streams["motor"] for q in MOTORS) \
+            and motor_turning(context) is None:
         found.append("order of the motors")
+    if "rpm" in streams and "stand" not in streams and len(motors_of(streams["rpm"])) > 1:
+        found.append("order of the rotors (rpm)")
+    found += _scales(context)
     known = {(o.stream, q) for o in context.once(constant_offsets) for q in o.quantities
              if o.unit != "m/s^2" or o.limit <= RESTING_M_S2}
     for name, names in OFFSETS.items():
         left = [q for q in names if name in streams and q in streams[name] and (name, q) not in known]
         found += [f"constant offset of {', '.join(left)} ({name})"] if left else []
     return tuple(found)
+
+
+def _scales(context: Context) -> list[str]:
+    """``scale of m1, m2 (motor)`` and the like; of a path with its time, where no tilt and no force shows it."""
+    streams = context.flight.streams
+    found = {name: [q for q in streams[name].quantities if q != "tick"] for name in SCALED if name in streams}
+    name, place = ("mocap", POSITION) if "mocap" in streams else ("estimator", PLACE)
+    reference = context if name == "mocap" else context.once(own_reference)
+    force = context.once(axis_unit_matches).get(force_pair)
+    shown = (reference is not None and any(followed_axes(reference))) or (
+        force is not None and bool(np.isfinite(force.ratio[:2]).any()))
+    if name in streams and not shown:
+        found[name] = [*(q for q in place if q in streams[name]), "t"]
+    return [f"scale of {', '.join(quantities)} ({name})" for name, quantities in found.items()]
 
 
 def _shown(context: Context) -> set[tuple[str, str]]:
@@ -55,9 +77,11 @@ def _shown(context: Context) -> set[tuple[str, str]]:
     if reference is None:
         return shown
     shown |= {("mocap", "pz"), ("estimator", "z")} if UP in reference.once(ground_axes) else set()
-    if straight(reference) > TILT_FOLLOWS:
-        shown |= {(name, q) for name in ("mocap", "estimator") for q in ("px", "py", "qx", "qy", "qw", "x", "y")}
-        shown |= {("attitude", "roll"), ("attitude", "pitch")}
+    followed = followed_axes(reference)
+    shown |= {place for place, yes in zip((("mocap", "px"), ("mocap", "py")), followed, strict=True) if yes}
+    shown |= {place for place, yes in zip((("estimator", "x"), ("estimator", "y")), followed, strict=True) if yes}
+    if all(followed):
+        shown |= {("mocap", q) for q in ("qx", "qy", "qw")} | {("attitude", "roll"), ("attitude", "pitch")}
     own = [] if reference is context else matches_by_estimate(reference)
     for match in own or context.once(axis_unit_matches).values():
         clear = [i for i in range(3) if match.sign[i]]

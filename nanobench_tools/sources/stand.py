@@ -17,7 +17,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..flight import Flight, Provenance, Stream, make_stream
-from ..units import to_si
+from ..units import PWM_FULL_SCALE, to_si
 from .base import cell_faults, text_fault
 from .cells import Grid, read_grid
 from .header import header_of
@@ -43,7 +43,8 @@ _ALLOWED = {
 FULL_SHARE, FULL_PERCENT = 1.0, 100.0
 PULSES = (900.0, 2100.0)
 """What may be the length of a pulse in us (1000 to 2000, and trims)."""
-LARGEST_COMMAND = {"pulse_us": PULSES, "%": (5.0, 105.0), "1": (0.05, 1.05)}
+LARGEST_COMMAND = {"pulse_us": PULSES, "%": (5.0, 105.0), "1": (0.05, 1.05),
+                   "pwm16": (0.05 * PWM_FULL_SCALE, 1.05 * PWM_FULL_SCALE)}
 """Unit of a command -> what the largest one of a series may be: less turns no motor, more than full there is not."""
 THRUST_PER_WATT = (0.002, 0.6)
 """N per W of electrical power, between a brushed toy at full command and a large slow propeller (some 0.02 and 0.2)."""
@@ -53,6 +54,10 @@ C_T^5 / C_P^4, which is f^4 / (0.41 C_T), with C_T from 0.04 to 0.25 and f, the 
 motor and controller, from 0.1 to 0.75. A brushed Crazyflie has 0.017, a 10 inch propeller some 0.5."""
 POLE_PAIRS = (3, 21)
 """Of brushless motors that turn propellers: the electrical speed is so many times the speed."""
+TIP_M_S = (30.0, 300.0)
+"""Speed of the tips of propellers at strong thrust: toys have 40 to 70, others up to 0.8 of the speed of sound."""
+THRUST_COEFFICIENT = (0.04, 0.25)
+"""C_T = T / (rho n^2 D^4) of propellers."""
 AIR_KG_M3 = 1.2
 STRONG = 0.5
 """Share of the largest thrust from which a row is used to compare thrust with power."""
@@ -135,6 +140,7 @@ class ThrustStand:
             raise InputError(str(path), "no column of PWM holds a number", "a thrust stand table has one")
         streams |= _extra(grid, taken, row)
         _check_propeller(streams, str(path))
+        _check_tips(streams, str(path))
         span = (0.0, float(row[-1]))
         where = {c: s for s, stream in streams.items() for c in stream.columns}
         faults = cell_faults(grid, row, np.arange(n), where)
@@ -234,7 +240,7 @@ def _check_command(values: np.ndarray, head: Heading, place: str) -> None:
     top = float(np.nanmax(values, initial=0.0))
     if not low <= top <= high:
         raise InputError(f"{place}: column {head.column}",
-                         f"reaches {top:.4g}, and in {head.unit} a series reaches {low:g} to {high:g}",
+                         f"reaches {top:.4g}, and in {head.unit} a series reaches {low:.4g} to {high:.4g}",
                          "write its unit behind the name: throttle (%), (us) or (1)")
 
 
@@ -294,6 +300,26 @@ def _check_propeller(streams: dict[str, Stream], place: str) -> None:
                          f"{np.median(thrust[rows]):.3g} N per motor where propellers with this power and speed give "
                          f"{' to '.join(f'{end:.2g}' for end in ends)} N",
                          "one of them is in another unit: write it behind the name, as in thrust (gf)")
+
+
+def _check_tips(streams: dict[str, Stream], place: str) -> None:
+    """InputError where no propeller of any size has the thrust at its speed: tips too slow, or faster than sound."""
+    cell = streams.get("stand")
+    if cell is None or "thrust" not in cell.quantities or "rpm" not in streams:
+        return
+    thrust = cell["thrust"] / len(streams["motor"].quantities)
+    speed = np.abs(streams["rpm"].values).mean(axis=1) / (2.0 * np.pi)
+    rows = np.isfinite(thrust * speed) & (speed > 0.0) & (thrust > STRONG * np.nanmax(thrust, initial=0.0))
+    if not rows.any():
+        return
+    low, high = (np.pi * float(np.median(thrust[rows] * speed[rows] ** 2 / (AIR_KG_M3 * c))) ** 0.25
+                 for c in reversed(THRUST_COEFFICIENT))
+    if low > TIP_M_S[1] or high < TIP_M_S[0]:
+        columns = [cell.columns[cell.quantities.index("thrust")], *dict.fromkeys(streams["rpm"].columns)]
+        raise InputError(f"{place}: columns {', '.join(columns)}",
+                         f"propellers with this thrust and speed have tips at {low:.3g} to {high:.3g} m/s, and real "
+                         f"ones have {TIP_M_S[0]:g} to {TIP_M_S[1]:g}",
+                         "one of them is in another unit: write it behind the name, as in thrust (gf), rpm (rad/s)")
 
 
 def _speed(streams: dict[str, Stream]) -> tuple[np.ndarray | None, str, tuple[int, int]]:

@@ -16,7 +16,7 @@ POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
 
 
 def circle(rate_hz=100.0, centre=(0.0, 0.0), digits=5, seed=1, noise=1.0):
-    """8 s: stands, flies a circle of 0.8 m at 1 m, lands."""
+    """8 s: stands, flies a circle of 0.8 m at 1 m with the tilt that this needs, lands."""
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, 8.0, 1.0 / rate_hz)
     rise = np.clip(np.minimum(t - 1.0, 7.0 - t) / 0.8, 0.0, 1.0)
@@ -24,7 +24,7 @@ def circle(rate_hz=100.0, centre=(0.0, 0.0), digits=5, seed=1, noise=1.0):
     height = 0.02 + rise * rise * (3 - 2 * rise)
     p = np.stack([centre[0] + 0.8 * np.cos(angle), centre[1] + 0.8 * np.sin(angle), height], axis=1)
     p += noise * 3e-4 * rng.standard_normal(p.shape)
-    tilt = 0.06 * rise[:, None] * np.stack([np.sin(angle), -np.cos(angle)], axis=1)
+    tilt = 0.16 * rise[:, None] * np.stack([np.sin(angle), -np.cos(angle)], axis=1)
     tilt += noise * 1e-3 * rng.standard_normal(tilt.shape)
     yaw = 0.3 + noise * 0.002 * rng.standard_normal(len(t))
     q = np.column_stack([tilt / 2.0, np.sin(yaw / 2.0), np.cos(yaw / 2.0)])

@@ -50,9 +50,33 @@ def test_thrust_that_no_propeller_has_at_its_power_and_speed_is_refused(tmp_path
         assert "N per W" in error or "N per motor where propellers with this power and speed give" in error
 
 
+@pytest.mark.parametrize("full", [1.0, 100.0, 255.0, 1023.0, 2000.0])
+def test_commands_of_a_series_that_are_no_counts_of_16_bits_are_refused(tmp_path, full):
+    rows = "".join(f"{u * full / 100:g},{0.001 * u * u:.3f},4.0\n" for u in range(0, 101, 5))
+    (tmp_path / "a.csv").write_text(f"pwm,thrust_g,vbat\n{rows}")
+    assert f"column pwm: reaches {full:g}, and in pwm16 a series reaches 3277" in load(tmp_path).failed[0]["error"]
+
+
+@pytest.mark.parametrize(("speed", "thrust"), [(1 / 60, 1.0), (0.10472, 1.0), (1e-3, 1.0), (1.0, 1e-3), (1.0, 1.0)])
+def test_thrust_that_no_propeller_has_at_its_speed_is_refused(tmp_path, speed, thrust):
+    """Four propellers of 45 mm with 24 000 rpm at full command, C_T 0.1: tips at 57 m/s. In rev/s, rad/s, thousands,
+    and kgf called g."""
+    n = np.linspace(100.0, 400.0, 20)
+    force = 4 * 0.1 * 1.2 * n**2 * 0.045**4 / 9.80665e-3
+    rows = "".join(f"{163.8 * v:.0f},{f * thrust:.6g},3.9,{60 * v * speed:.6g}\n"
+                   for v, f in zip(n, force, strict=True))
+    (tmp_path / "a.csv").write_text(f"pwm,thrust_g,vbat,rpm1\n{rows}")
+    loaded = load(tmp_path)
+    if (speed, thrust) == (1.0, 1.0):
+        np.testing.assert_allclose(loaded.flights[0]["stand"]["thrust"], 9.80665e-3 * force, rtol=1e-3)
+    else:
+        assert "columns thrust_g, rpm1: propellers with this thrust and speed have tips at" in loaded.failed[0]["error"]
+
+
 @pytest.mark.parametrize(("command", "motors"), [("pwm", 4), ("pwm_percent", 1)])
 def test_one_command_for_four_motors_is_reported(tmp_path, command, motors):
-    rows = "".join(f"{u},{0.001 * u * u:.3f},4.0\n" for u in range(0, 101, 5))
+    full = 65535 if command == "pwm" else 100
+    rows = "".join(f"{u * full // 100},{0.001 * u * u:.3f},4.0\n" for u in range(0, 101, 5))
     (tmp_path / "a.csv").write_text(f"{command},thrust_g,vbat\n{rows}")
     (flight,) = load_recordings([tmp_path], cache=False).flights
     assert len(flight["motor"].quantities) == motors
@@ -85,12 +109,12 @@ def load(folder):
     ],
 )
 def test_headers_that_differ(tmp_path, header):
-    (tmp_path / "a").write_text(f"{header}\n65535,3.9,600,1200,1800,60,100\n0,4.0,0,0,0,0,-1.5\n")
+    (tmp_path / "a").write_text(f"{header}\n65535,3.9,6000,12000,18000,600,100\n0,4.0,0,0,0,0,-1.5\n")
     flight = load(tmp_path).flights[0]
     assert flight.provenance.source == "stand"
     np.testing.assert_allclose(flight["stand"]["thrust"], [0.981, -0.014715])
     np.testing.assert_allclose(flight["motor"]["m1", "m2", "m3", "m4"], [[1.0] * 4, [0.0] * 4])
-    np.testing.assert_allclose(flight["rpm"]["m1", "m4"][0], [20 * math.pi, 2 * math.pi])
+    np.testing.assert_allclose(flight["rpm"]["m1", "m4"][0], [200 * math.pi, 20 * math.pi])
     np.testing.assert_allclose(flight["battery"]["vbat"], [3.9, 4.0])
     assert flight["stand"].samples == 2
 

@@ -60,10 +60,12 @@ def wrong_signs(context: Context) -> list[tuple[str, str, str]]:
                               f"{quantity} of {verdict.stream} correlates {k:+.2f} with what the "
                               f"{against(verdict)} predicts" + _or_inverted(context, quantity)))
     found += [(c.stream, c.quantities[0], c.evidence) for c in context.once(contradictions) if c.kind == KIND]
-    motor = context.once(usable_streams).get("motor")
-    if motor is not None and len(motor):
-        found += [("motor", q, f"{q} of motor is below 0 in most rows, above it in none, and a command is 0 to 1")
-                  for q in motors_of(motor) if (motor[q] < 0.0).mean() > 0.5 and not (motor[q] > 0.0).any()]
+    for name in ("motor", "motor_request", "rpm"):
+        motor = context.once(usable_streams).get(name)
+        found += [] if motor is None or not len(motor) else [
+            (name, q, f"{q} of {name} is below 0 in most rows, above it in none, and "
+             + ("a speed has no sign" if name == "rpm" else "a command is 0 to 1"))
+            for q in motors_of(motor) if (motor[q] < 0.0).mean() > 0.5 and not (motor[q] > 0.0).any()]
     other = context.once(other_order)
     if other is not None and other[1] and other[0].gyro is not None and other[0].gyro[0] == (0, 1):
         found += [("imu", IMU[0][axis], f"{IMU[0][axis]} turns against what the motors push (correlation "

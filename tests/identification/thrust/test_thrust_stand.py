@@ -136,7 +136,7 @@ BAD = {
     "zero load cell": (lambda u, v: text(u, v, 0.0 * u), "no thrust"),
     "constant PWM": (lambda u, v: text(0.0 * u + 0.5, v, dc_law(0.5, v)), "PWM never changes"),
     "few rows": (lambda u, v: text(u[:6], v[:6], dc_law(u[:6], v[:6])), "6 rows spin"),
-    "PWM as a ratio": (lambda u, v: text(u / 65535.0, v, dc_law(u, v)).replace("\n1,", "\n0.5,"), "PWM"),
+    "PWM as a ratio": (lambda u, v: text(u / 65535.0, v, dc_law(u, v)).replace("\n1,", "\n0.5,"), "in pwm16"),
     "battery in mV": (lambda u, v: text(u, v, dc_law(u, v), volts=1000.0), "mV"),
     "thrust in kg": (lambda u, v: text(u, v, dc_law(u, v), header="pwm,vbat[V],thrust[kg]"), "unit in brackets"),
     "grams as newton": (lambda u, v: text(u, v, dc_law(u, v), header="pwm,vbat[V],thrust[N]"), "unit in brackets"),
