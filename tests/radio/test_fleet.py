@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import threading
+import time
 from contextlib import contextmanager
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from test_fly_ends import WIDE, Hangs, Real, quick
 from toy_vehicle import Notes, Toy
 
 from nanobench_tools.cli import simulate_serve
@@ -19,6 +21,7 @@ from nanobench_tools.radio.fleet.gathering import Gathering, OtherRefusedError
 from nanobench_tools.radio.fleet.member import Member
 from nanobench_tools.radio.fleet.separation import Separation, check_plans, timeline
 from nanobench_tools.radio.fleet.traffic import Traffic
+from nanobench_tools.radio.fly.guardian import Guardian
 from nanobench_tools.radio.fly.mission import Flight
 from nanobench_tools.radio.fly.pilot import OnboardPilot
 from nanobench_tools.radio.fly.safety import Limits, Situation, Stop
@@ -161,6 +164,27 @@ def test_an_emergency_stop_reaches_a_flight_in_a_thread():
     thread.join()
     assert outcomes[0].stop.reason == "space bar; the vehicle reports that it is locked"
     assert not toy.motors
+
+
+def test_a_controller_that_hangs_in_a_fleet_is_abandoned_after_its_vehicle_has_landed(monkeypatch):
+    """In a thread nothing can wake it. The program goes on for the others, who land as well."""
+    quick(monkeypatch)
+    monkeypatch.setattr(Guardian, "BACK_S", 0.2)
+    toy, traffic, hangs = Real(), Traffic(WALL), threading.Event()
+    member = Member("one", 0.0, traffic, Gathering(("one",), lambda ready: None))
+    flight = Flight(toy, toy.track, Hangs(hangs.wait), toy.ready(), WIDE, toy, (), company=member)
+    thread = threading.Thread(target=flight.run, daemon=True)
+    thread.start()
+    end = time.monotonic() + 60.0
+    while member.given_up is None and time.monotonic() < end:
+        time.sleep(0.01)
+    assert member.given_up.rule == "overrun"
+    assert "land" in [what for _, what in toy.told]
+    assert traffic.ended("other").startswith("one ended: overrun: mine did not answer within 250 ms")
+    assert thread.is_alive()
+    hangs.set()
+    thread.join(60.0)
+    assert not thread.is_alive()
 
 
 def test_all_wait_for_the_last_one_and_one_refusal_refuses_all():

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import signal
+
 import numpy as np
 import pytest
 
 pytest.importorskip("cflib")
 pytest.importorskip("casadi")
 
+from cflib_world import until
 from fleet_worlds import TWO, Watched
 
 from nanobench_tools.errors import InputError
@@ -77,3 +81,23 @@ def test_no_vehicle_is_armed_if_the_plans_do_not_fit_the_measured_places(fault, 
         watched.fly()
     assert said in str(refused.value)
     assert watched.top_m.max() < 0.01
+
+
+@pytest.mark.parametrize(("signals", "rule"), [(1, "interrupted"), (2, "emergency stop")])
+def test_ctrl_c_ends_all_flights(signals, rule, tmp_path):
+    left = [signals]
+
+    def pressed(watched: Watched, since_s: float) -> None:
+        if since_s > 2.0 * (signals - left[0] + 1) and left[0]:
+            left[0] -= 1
+            os.kill(os.getpid(), signal.SIGINT)
+            asked = "requested" if left[0] == signals - 1 else "emergency"
+            assert until(lambda: all(getattr(one.interrupts, asked) for one in watched.session.members))
+
+    watched = Watched(tmp_path, TWO.replace("seconds = 4", "seconds = 60"), fault=pressed)
+    stops = [one.result.outcome.stop for one in watched.fly()]
+    assert {stop.rule for stop in stops} <= {rule, "fleet"}
+    assert rule in {stop.rule for stop in stops}
+    watched.fleet.run_on(2.0)
+    assert max(watched.heights_m) < 0.05
+    assert (watched.sank_m_s.max() < 1.0) == (signals == 1)

@@ -44,7 +44,8 @@ class Fleet:
         self._confirm, self._turn = confirm, turn
         self.traffic = Traffic(separation)
         self.gathering = Gathering(tuple(v.name for v in vehicles), self._check)
-        self.members = [Member(v.name, v.delay_s, self.traffic, self.gathering) for v in vehicles]
+        self.members = [Member(v.name, v.delay_s, self.traffic, self.gathering, i / len(vehicles))
+                        for i, v in enumerate(vehicles)]
         self.flown = [Flown(v) for v in vehicles]
 
     def fly(self) -> list[Flown]:

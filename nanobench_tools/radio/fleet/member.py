@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..fly.company import GROUND_S
 from ..fly.interrupts import Interrupts
+from ..fly.pilot import PERIOD_S
 from ..fly.pose_tracker import Believed
 from ..fly.prepare import Ready
 from ..fly.safety import Rule, Stop
@@ -14,12 +15,12 @@ from .traffic import Traffic, rules_of
 
 class Member:
     """The ``company`` of a flight. ``interrupts``: of the flight, once it has begun; ``given_up``: why it was
-    abandoned."""
+    abandoned. ``share``: of a tick by which its loop comes after that of the first vehicle, so that they take turns."""
 
     single = False
 
-    def __init__(self, name: str, delay_s: float, traffic: Traffic, gathering: Gathering) -> None:
-        self.name, self.delay_s = name, delay_s
+    def __init__(self, name: str, delay_s: float, traffic: Traffic, gathering: Gathering, share: float = 0.0) -> None:
+        self.name, self.delay_s = name, delay_s + share * PERIOD_S
         self._traffic, self._gathering = traffic, gathering
         self.rules: tuple[Rule, ...] = rules_of(traffic, name)
         self.interrupts: Interrupts | None = None
