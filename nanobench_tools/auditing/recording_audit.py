@@ -27,6 +27,9 @@ from ..time_offsets.moving.time_offset import TimeOffset
 from .faults.copy import copies, fault_of
 from .faults.kinds import cutting, kinds, log_ended
 
+TIMED = ("imu", "attitude", "attitude_qw", "estimator")
+"""Streams that motion capture predicts."""
+
 
 @dataclass(frozen=True, repr=False)
 class Audit(Result):
@@ -170,11 +173,18 @@ def audit(flight: Flight, context: Context | None = None) -> Audit:
         faults.extend(kind.find(context.flight, context))
     faults.sort(key=lambda f: (f.start_s, f.kind, f.stream, f.end_s))
     cuts = merge_spans(f.span for f in faults if _cuts_every_use(f))
+    clock = clocks_with_time_offset(context)
     return Audit(flight=flight.name, path=flight.provenance.path, sha256=flight.provenance.sha256,
                  controller=controller_of(context), airborne=context.once(airborne_spans),
-                 clean=subtract_spans([span], cuts), faults=tuple(faults), clock=clocks_with_time_offset(context),
+                 clean=subtract_spans([span], cuts), faults=tuple(faults), clock=clock,
                  rates=context.once(rates_of), span=span, lost_link=lost_link_of(flight.metadata),
-                 unchecked=context.once(unchecked))
+                 unchecked=(*context.once(unchecked), *_open_clocks(flight, clock)))
+
+
+def _open_clocks(flight: Flight, clock: Mapping[str, ClockReading]) -> list[str]:
+    """Streams that motion capture predicts, and whose clock it does not show."""
+    left = [name for name in TIMED if name in clock and not clock[name].identifiable]
+    return [f"clock of {', '.join(left)}"] if left and "mocap" in flight else []
 
 
 def lost_link_of(sheet: Mapping[str, Any]) -> str:

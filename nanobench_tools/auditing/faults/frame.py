@@ -12,6 +12,8 @@ where z points down, else the four frames that have this axis up.
 
 Axes are named by where they point (``axes``): FRD is forward, right, down; a world ENU is one with z up.
 
+A velocity in the axes of the body follows the path once it is turned by the attitude (``signals.body_velocity``).
+
 Size: angle of the turn, rad. Smallest found: a quarter turn.
 """
 
@@ -23,6 +25,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ...flight import Fault, Flight, poses_alone
+from ...signals.body_velocity import VELOCITY, body_velocities
 from ...signals.context import Context
 from ...signals.held_poses import POSITION, ROTATION
 from ...signals.pose_frame import pose_frame
@@ -51,10 +54,15 @@ LETTERS = {"N": "north", "S": "south", "E": "east", "W": "west", "U": "up", "D":
 
 def find(flight: Flight, context: Context) -> list[Fault]:
     """One fault per stream."""
-    turns = [turn for turn in context.once(stream_turns) if turn.stream != "mocap"]
+    turns = [turn for turn in context.once(stream_turns)
+             if turn.stream != "mocap" or not {POSITION, ROTATION[:3]} & set(turn.vectors)]
     shared = context.once(shared_frame)
     poses = _poses(context) if shared is None or "mocap" not in shared.streams else []
-    return [*_shared(context), *poses, *(_stream(context, turn) for turn in turns), *_lone(context)]
+    found = [*_shared(context), *poses, *(_stream(context, turn) for turn in turns), *_lone(context)]
+    return found or [over_stream(KIND, flight, name, VELOCITY, math.nan, "rad",
+                                 f"vx, vy, vz of {name} are in the axes of the body (median error {written:.2g} m/s, "
+                                 f"turned by the attitude {turned:.2g})", math.pi / 2)
+                     for name, written, turned in context.once(body_velocities)]
 
 
 def _shared(context: Context) -> list[Fault]:
@@ -76,8 +84,9 @@ def _stream(context: Context, found: StreamTurn) -> Fault:
     moved = [new for names in found.vectors for new, *_ in assignments(turn, names) if new in flight[found.stream]]
     axes = f"{name_of(turn, True)}/{name_of(turn, False)}" if found.stream in ("attitude", "attitude_qw") else (
         name_of(turn, world))
+    what = f"velocity of {found.stream}" if found.vectors[0] == VELOCITY else found.stream
     return over_stream(KIND, flight, found.stream, moved, _angle(turn), "rad",
-                       f"the {found.stream} is in {_meaning(axes)}, turned by {in_words(turn)}: "
+                       f"the {what} is in {_meaning(axes)}, turned by {in_words(turn)}: "
                        f"{how(turn, found.vectors)}{SINCE}{found.why}", math.pi / 2)
 
 
