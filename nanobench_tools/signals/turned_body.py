@@ -17,6 +17,7 @@ from .context import Context
 from .held_poses import ROTATION
 from .pairs import gyro_pair, sums_of
 from .pose_frame import pose_frame
+from .shared_frame import shared_frame
 from .stream_frames import stream_turns
 from .wrong_matches import wrong_matches
 
@@ -49,7 +50,8 @@ def turned_body(context: Context) -> TurnedBody | None:
     sums, frame = sums_of(context, gyro_pair), context.once(pose_frame)
     if sums is None or frame.turned or frame.body is None or any(t.stream == "imu" for t in context.once(stream_turns)):
         return None
-    if any(match.stream == "imu" or set(ROTATION) & set(match.quantities) for match in context.once(wrong_matches)):
+    if context.once(shared_frame) is not None or any(
+            match.stream == "imu" or set(ROTATION) & set(match.quantities) for match in context.once(wrong_matches)):
         return None
     cross, measured, reference = (v.sum(axis=0) for v in (sums.cross, sums.measured, sums.reference))
     size = np.sqrt(np.trace(measured) * np.trace(reference, axis1=1, axis2=2))
