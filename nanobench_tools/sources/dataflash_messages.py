@@ -1,7 +1,8 @@
 """Messages of an ArduPilot log (.bin): each begins with two fixed bytes and its type; FMT messages define the types.
 
 The format has no checksums. A message counts as whole where another follows it at once. Other bytes are skipped and
-counted.
+counted. pymavlink's DFReader reads these logs, too, message by message. It prints on stderr what it skips, while
+findings of damage need these bytes as numbers.
 """
 
 from __future__ import annotations
