@@ -1,114 +1,17 @@
-"""Vibration, clipping and battery of one flight, as log analysts look at them.
-
-Spectra are means over windows of one second in the air (Welch 1967, Hann window), summed over the axes. Motions of the
-vehicle lie below ``LOW_HZ``. A rotor that turns faster than half the sampling rate shows at a lower frequency, which
-is stated. The resistance follows from changes of voltage and current within seconds, without the slow discharge.
-"""
+"""Vibration, clipping and battery of one flight, as log analysts look at them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from scipy.signal import welch
-
-from ..flight import Flight, Span, Stream, intersect_spans, mask_of, motors_of
+from ..flight import Flight, intersect_spans
 from ..results.result import Result
-from ..sources.cells import GIGANTIC
-from .faults import saturated_sensor
+from .battery_sag import Battery, battery_of
 from .recording_audit import Audit
+from .vibration_spectra import Vibration, vibration_of
 
 SENSORS = {"gyro": ("gyro_x", "gyro_y", "gyro_z"), "acc": ("acc_x", "acc_y", "acc_z")}
-WINDOW_S = 1.0
-LOW_HZ = 20.0
-"""Quadrotors turn and accelerate below it."""
-FEWEST_ROWS = 64
-"""Of a window: a spectrum with fewer has no lines."""
-EVEN = 0.5
-"""Of a step: rows further apart or closer end a window."""
-STANDS_OUT = 10.0
-"""Power of a line over the median of the band."""
-NEAR_BINS = 2
-"""Bins on either side that belong to a line of a Hann window."""
-ORDERS = (1, 2)
-"""Imbalance turns with the rotor, the blades of a two-bladed propeller pass twice."""
-LOAD_BINS, POINTS = 5, 100
-MOST_WINDOWS = 600
-"""Evenly chosen ones of a longer recording."""
-SHOCK = 5.0
-"""Times the median RMS: a window that vibrates more has a touch-down or a collision, and is left out."""
-INTERPOLATED = 0.9
-"""Samples per row below which rows were drawn between samples."""
-SLOW_S = 4.0
-"""Slower changes of the voltage are discharge."""
-BLOCK_S = 2.0
-FEWEST_BLOCKS = 5
-EXPLAINED = 0.5
-"""Correlation of voltage and load from which on their ratio is given."""
-SAG_S = 2.0
-IDLE = 0.5
-"""Of the command in flight: motors below it do not load the battery."""
-
-
-@dataclass(frozen=True, repr=False)
-class RotorLine(Result):
-    """Vibration at a multiple of the rotor speed: ``rotor_hz`` the median, ``seen_at_hz`` where sampling shows it."""
-
-    order: int
-    rotor_hz: float
-    seen_at_hz: float
-    rms: float
-    share: float
-
-
-@dataclass(frozen=True, repr=False)
-class Vibration(Result):
-    """One sensor from ``LOW_HZ`` to ``up_to_hz``.
-
-    - rms, highest: of the sum of axes, and the largest reading of one axis, in ``unit``.
-    - peak_hz, peak_rms: the strongest line, None without a clear one.
-    - spectrum: [frequency Hz, amplitude density unit/sqrt(Hz)].
-    - against: what ``load`` is, and [load, rms] of equal numbers of windows.
-    - interpolated: rows were drawn between samples, so that amplitudes are too small.
-    """
-
-    unit: str
-    windows: int
-    up_to_hz: float
-    rms: float
-    highest: float
-    clipped_rows: int
-    peak_hz: float | None
-    peak_rms: float | None
-    rotors: tuple[RotorLine, ...]
-    load: str
-    against: tuple[tuple[float, float], ...]
-    spectrum: tuple[tuple[float, float], ...]
-    interpolated: bool
-
-
-@dataclass(frozen=True, repr=False)
-class Slope(Result):
-    """A ratio with its 95 % interval, from stretches of ``BLOCK_S`` left out in turn."""
-
-    value: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True, repr=False)
-class Battery(Result):
-    """Voltage in the air [V]; ``sag_V`` from standing to flying; ``resistance_ohm`` where the current was logged;
-    ``volt_per_command``: loss for full command of all motors."""
-
-    start_V: float
-    end_V: float
-    lowest_V: float
-    sag_V: float | None
-    resistance_ohm: Slope | None
-    volt_per_command: Slope | None
 
 
 @dataclass(frozen=True, repr=False)
@@ -131,12 +34,12 @@ def health_of(flight: Flight, audit: Audit) -> Health:
         spans = intersect_spans(air, audit.clean_for(["imu"]))
         for name, columns in SENSORS.items():
             if all(c in flight["imu"] for c in columns):
-                found = _vibration(flight, audit, columns, spans)
+                found = vibration_of(flight, audit, columns, spans)
                 if isinstance(found, str):
                     lacks.append(f"no vibration of the {name}: {found}")
                 else:
                     vibration[name] = found
-    battery = _battery(flight, audit, air)
+    battery = battery_of(flight, audit, air)
     if battery is None:
         lacks.append("no battery voltage in the air")
     return Health(vibration, battery, tuple(lacks))
@@ -155,180 +58,3 @@ def sentence_of(health: dict[str, Any]) -> str:
         ohm = f", {1e3 * b['resistance_ohm']['value']:.0f} mOhm" if b["resistance_ohm"] is not None else ""
         parts.append(f"battery {b['start_V']:.2f} to {b['end_V']:.2f} V{sag}{ohm}")
     return "; ".join(parts)
-
-
-def _vibration(flight: Flight, audit: Audit, columns: Sequence[str], spans: Sequence[Span]) -> Vibration | str:
-    stream = flight["imu"]
-    values = stream[list(columns)]
-    inside = mask_of(spans, stream.time_s) & (np.abs(values) < GIGANTIC).all(axis=1)
-    step = float(np.median(np.diff(stream.time_s))) if len(stream) > 1 else 0.0
-    rate_hz = 1.0 / step if step > 0.0 else 0.0
-    rows = max(round(WINDOW_S * rate_hz), 1)
-    if rows < FEWEST_ROWS:
-        return f"{rate_hz:.3g} Hz are too few"
-    windows = _windows(stream.time_s, inside, step, rows)
-    if not len(windows):
-        return "no whole second in the air without a gap"
-    reading = audit.rates.get("imu")
-    true_hz = reading.rate_hz if reading is not None and np.isfinite(reading.rate_hz) else rate_hz
-    interpolated = true_hz < INTERPOLATED * rate_hz
-    up_to = 0.5 * min(true_hz, rate_hz) if interpolated else 0.5 * rate_hz
-    if up_to < 1.5 * LOW_HZ:
-        return f"{2.0 * up_to:.3g} Hz are too few"
-    starts = windows[:, None] + np.arange(rows)
-    rate_hz = (rows - 1) / float(np.mean(stream.time_s[starts[:, -1]] - stream.time_s[starts[:, 0]]))
-    frequency, power = welch(values[starts], rate_hz, "hann", nperseg=rows, detrend="constant", axis=1)
-    power = power.sum(axis=2)
-    band = (frequency >= LOW_HZ) & (frequency <= up_to)
-    width = float(frequency[1])
-    each = np.sqrt(power[:, band].sum(axis=1) * width)
-    steady = each <= SHOCK * float(np.median(each))
-    starts, power, each = starts[steady], power[steady], each[steady]
-    mean = power.mean(axis=0)
-    line = _line(frequency, mean, band, width)
-    load, loads = _load(flight, stream.time_s[starts])
-    unit = stream.unit[stream.index(columns[0])]
-    clipped = sum(round(f.size) for f in audit.faults if f.kind == saturated_sensor.KIND
-                  and set(f.columns) & {stream.columns[stream.index(c)] for c in columns})
-    rotors = _rotors(flight, stream.time_s[starts], frequency, power, band, rate_hz)
-    return Vibration(unit, len(starts), up_to, float(np.sqrt(mean[band].sum() * width)),
-                     float(np.abs(values[inside]).max()), clipped, *line, rotors, load, _against(loads, each),
-                     _thinned(frequency[band], np.sqrt(mean[band])), interpolated)
-
-
-def _windows(time_s: np.ndarray, inside: np.ndarray, step: float, rows: int) -> np.ndarray:
-    """First rows of windows that overlap by half, in runs of even rows that are inside."""
-    joined = inside[1:] & inside[:-1] & (np.abs(np.diff(time_s) - step) < EVEN * step)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], joined.view(np.int8), [0]])))
-    found = [np.arange(a, b + 2 - rows, max(rows // 2, 1)) for a, b in edges.reshape(-1, 2) if b + 1 - a >= rows]
-    starts = np.concatenate(found) if found else np.zeros(0, dtype=int)
-    return np.asarray(starts[np.linspace(0, len(starts) - 1, min(len(starts), MOST_WINDOWS)).astype(int)])
-
-
-def _line(frequency: np.ndarray, power: np.ndarray, band: np.ndarray,
-          width: float) -> tuple[float | None, float | None]:
-    at = int(np.argmax(np.where(band, power, -1.0)))
-    if not power[at] > 0.0 or power[at] < STANDS_OUT * float(np.median(power[band])):
-        return None, None
-    near = slice(max(at - NEAR_BINS, 0), at + NEAR_BINS + 1)
-    return (float((frequency[near] * power[near]).sum() / power[near].sum()),
-            float(np.sqrt(power[near].sum() * width)))
-
-
-def _at(stream: Stream, names: Sequence[str], time_s: np.ndarray) -> np.ndarray:
-    """(windows, k): means over each window."""
-    values = stream[list(names)]
-    good = np.isfinite(values).all(axis=1)
-    rising = np.flatnonzero(good)[np.argsort(stream.time_s[good], kind="stable")]
-    held = [np.interp(time_s, stream.time_s[rising], values[rising, k]).mean(axis=1) for k in range(len(names))]
-    return np.stack(held, axis=1) if len(rising) else np.full((len(time_s), len(names)), np.nan)
-
-
-def _load(flight: Flight, time_s: np.ndarray) -> tuple[str, np.ndarray]:
-    """What loads the vehicle, and its mean in each window."""
-    for name, what in (("rpm", "rotor speed, Hz"), ("motor", "motor command, share")):
-        if name in flight and (motors := motors_of(flight[name])):
-            return what, _at(flight[name], motors, time_s).mean(axis=1) / (2.0 * np.pi if name == "rpm" else 1.0)
-    return "", np.zeros(0)
-
-
-def _against(loads: np.ndarray, rms: np.ndarray) -> tuple[tuple[float, float], ...]:
-    if len(loads) != len(rms) or not np.isfinite(loads).all() or len(rms) < LOAD_BINS:
-        return ()
-    return tuple((float(loads[part].mean()), float(np.sqrt((rms[part]**2).mean())))
-                 for part in np.array_split(np.argsort(loads, kind="stable"), LOAD_BINS))
-
-
-def _rotors(flight: Flight, time_s: np.ndarray, frequency: np.ndarray, power: np.ndarray, band: np.ndarray,
-            rate_hz: float) -> tuple[RotorLine, ...]:
-    """Power around the multiples of the speeds of the rotors, above the median of the band."""
-    if "rpm" not in flight or not (motors := motors_of(flight["rpm"])):
-        return ()
-    speed_hz = _at(flight["rpm"], motors, time_s) / (2.0 * np.pi)
-    if not np.isfinite(speed_hz).all():
-        return ()
-    width = float(frequency[1])
-    whole = float(power[:, band].sum()) * width
-    found = []
-    for order in ORDERS:
-        seen = np.abs((order * speed_hz + 0.5 * rate_hz) % rate_hz - 0.5 * rate_hz)
-        near = (np.abs(frequency - seen[:, :, None]) < (NEAR_BINS + 0.5) * width).any(axis=1) & band
-        usable = near.any(axis=1)
-        if not usable.any():
-            continue
-        excess = np.maximum(np.where(near, power, 0.0).sum(axis=1)
-                            - near.sum(axis=1) * np.median(power[:, band], axis=1), 0.0)[usable] * width
-        found.append(RotorLine(order, float(np.median(speed_hz)), float(np.median(seen)),
-                               float(np.sqrt(excess.mean())), float(min(excess.sum() / whole, 1.0)) if whole else 0.0))
-    return tuple(found)
-
-
-def _thinned(frequency: np.ndarray, density: np.ndarray) -> tuple[tuple[float, float], ...]:
-    """At most POINTS, each the largest of its stretch."""
-    parts = np.array_split(np.arange(len(frequency)), min(POINTS, len(frequency)))
-    best = [part[np.argmax(density[part])] for part in parts]
-    return tuple((float(f"{frequency[k]:.5g}"), float(f"{density[k]:.4g}")) for k in best)
-
-
-def _battery(flight: Flight, audit: Audit, air: Sequence[Span]) -> Battery | None:
-    if "battery" not in flight or "vbat" not in flight["battery"]:
-        return None
-    stream = flight["battery"]
-    good = (stream["vbat"] > 0.0) & (stream["vbat"] < GIGANTIC)
-    good &= mask_of(audit.clean_for(["battery"]), stream.time_s)
-    flying = good & mask_of(air, stream.time_s)
-    if flying.sum() < 2:
-        return None
-    time_s, volt = stream.time_s[flying], stream["vbat"][flying]
-    standing = good & (stream.time_s < air[0].start_s) & _idle(flight, stream.time_s, air)
-    first = time_s < time_s[0] + SAG_S
-    sag = float(np.median(stream["vbat"][standing]) - np.median(volt[first])) if (
-        audit.airborne and standing.sum() >= 3) else 0.0
-    resistance = per_command = None
-    if "current" in stream:
-        resistance = _slope(time_s, volt, stream["current"][flying])
-    if "motor" in flight and (motors := motors_of(flight["motor"])) and len(flight["motor"]) > 1:
-        motor = flight["motor"]
-        per_command = _slope(time_s, volt, np.interp(time_s, motor.time_s, motor[list(motors)].mean(axis=1)))
-    return Battery(float(np.median(volt[first])), float(np.median(volt[time_s > time_s[-1] - SAG_S])),
-                   float(volt.min()), sag if sag > 0.0 else None, resistance, per_command)
-
-
-def _idle(flight: Flight, time_s: np.ndarray, air: Sequence[Span]) -> np.ndarray:
-    """(n,) bool: rows without the load of flight; all where no motor was logged."""
-    if "motor" not in flight or not (motors := motors_of(flight["motor"])) or len(flight["motor"]) < 2:
-        return np.ones(len(time_s), dtype=bool)
-    motor = flight["motor"]
-    mean = motor[list(motors)].mean(axis=1)
-    flying = mean[mask_of(air, motor.time_s)]
-    return np.asarray(np.interp(time_s, motor.time_s, mean) < IDLE * (np.nanmedian(flying) if len(flying) else 0.0))
-
-
-def _slope(time_s: np.ndarray, volt: np.ndarray, load: np.ndarray) -> Slope | None:
-    """Volts lost per unit of load, by changes within ``SLOW_S``; None where they do not belong to each other."""
-    known = (np.abs(load) < GIGANTIC) & np.isfinite(volt)
-    time_s, volt, load = time_s[known], volt[known], load[known]
-    if len(time_s) < 4 * FEWEST_BLOCKS or np.any(np.diff(time_s) < 0.0):
-        return None
-    fast_v, fast_l = (x - _slow(time_s, x) for x in (volt, load))
-    block = ((time_s - time_s[0]) // BLOCK_S).astype(int)
-    shared, power, other = (np.bincount(block, weights=w) for w in (fast_v * fast_l, fast_l**2, fast_v**2))
-    there = np.bincount(block) > 0
-    shared, power = shared[there], power[there]
-    if len(shared) < FEWEST_BLOCKS or not power.sum() > 0.0 or not other.sum() > 0.0:
-        return None
-    if -shared.sum() < EXPLAINED * np.sqrt(power.sum() * other.sum()):
-        return None
-    value = -float(shared.sum() / power.sum())
-    without = -(shared.sum() - shared) / np.maximum(power.sum() - power, 1e-300)
-    n = len(shared)
-    half = 1.96 * float(np.sqrt((n - 1) / n * ((without - without.mean())**2).sum()))
-    return Slope(value, value - half, value + half)
-
-
-def _slow(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Means over SLOW_S around each row."""
-    total = np.concatenate([[0.0], np.cumsum(values)])
-    a = np.searchsorted(time_s, time_s - 0.5 * SLOW_S, side="left")
-    b = np.searchsorted(time_s, time_s + 0.5 * SLOW_S, side="right")
-    return np.asarray((total[b] - total[a]) / (b - a))

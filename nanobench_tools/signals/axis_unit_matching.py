@@ -32,8 +32,7 @@ CERTAIN_T = number("audit.axis_unit_matching.certain_t")
 FACTOR = number("audit.axis_unit_matching.factor")
 HORIZONTAL = (("x", "y", "z"), ("vx", "vy", "vz"), ("ax", "ay", "az"))
 """Quantities in a world whose heading is anyone's choice: its origin and heading are no fault."""
-ALONE = 0.7
-"""Least correlation of an axis in another unit than the others; a requested attitude is not always followed."""
+ALONE = number("audit.axis_unit_matching.alone")
 QUARTER_RAD = number("audit.axis_unit_matching.quarter_rad")
 FACTOR_WITHIN = number("audit.axis_unit_matching.factor_within")
 CLEARLY = number("audit.axis_unit_matching.clearly")

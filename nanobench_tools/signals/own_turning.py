@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..settings import number
 from .axis_unit_matching import FACTOR, FACTOR_WITHIN, ORDERS
 from .context import Context
 from .estimated_turning import follows_estimate
@@ -14,10 +15,8 @@ from .known_factors import NamedFactor, named_factor
 from .pairs import gyro_pair, sums_of
 from .stream_frames import stream_turns
 
-FOLLOWS = 0.7
-"""Least correlation that shows a unit, and another axis."""
-CLEARLY = 0.3
-"""Least gain in the correlation of an axis that changed places."""
+FOLLOWS = number("audit.own_turning.follows")
+CLEARLY = number("audit.own_turning.clearly")
 
 
 @dataclass(frozen=True)
