@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import threading
 import time
 from contextlib import contextmanager
@@ -15,16 +17,19 @@ from toy_vehicle import Notes, Toy
 from nanobench_tools.cli import simulate_serve
 from nanobench_tools.cli.main import main
 from nanobench_tools.errors import InputError
-from nanobench_tools.radio.fleet import separation
+from nanobench_tools.radio.fleet import fleet_session, separation
 from nanobench_tools.radio.fleet.fleet_plan import read_fleet
 from nanobench_tools.radio.fleet.gathering import Gathering, OtherRefusedError
 from nanobench_tools.radio.fleet.member import Member
 from nanobench_tools.radio.fleet.separation import Separation, check_plans, timeline
 from nanobench_tools.radio.fleet.traffic import Traffic
 from nanobench_tools.radio.fly.guardian import Guardian
+from nanobench_tools.radio.fly.interrupts import Interrupts
 from nanobench_tools.radio.fly.mission import Flight
 from nanobench_tools.radio.fly.pilot import OnboardPilot
 from nanobench_tools.radio.fly.safety import Limits, Situation, Stop
+from nanobench_tools.radio.fly.session import Request
+from nanobench_tools.radio.host_clock import HostClock
 from nanobench_tools.radio.several_flights import together
 
 TWO = """
@@ -214,6 +219,56 @@ def test_what_flights_change_in_the_program_is_undone_with_the_last():
             pass
         assert said == ["b on", "a on"]
     assert said == ["b on", "a on", "a off", "b off"]
+
+
+class Session:
+    """Stands in for the flights of a fleet: each prepares, is asked, and begins. ``said``: in their order."""
+
+    def __init__(self, monkeypatch, before) -> None:
+        self.said: list[str] = []
+        monkeypatch.setattr(fleet_session, "fly_session", self.fly)
+        monkeypatch.setattr(fleet_session, "space_stops", self.keys)
+        monkeypatch.setattr(fleet_session, "check_plans", lambda plans, separation: self.said.append("checked"))
+        self.before = before
+        vehicles = [SimpleNamespace(name=name, uri=name, delay_s=0.0, check_place=lambda place_m: None,
+                                    path=SimpleNamespace(centre_m=(0.0, 0.0, 0.0))) for name in ("one", "other")]
+        requests = [Request(None, None, Limits(), v.uri, None, (), clock=HostClock()) for v in vehicles]
+        self.fleet = fleet_session.Fleet(vehicles, requests, WALL, lambda: self.said.append("asked"))
+
+    @contextmanager
+    def keys(self, stop):
+        self.said.append("keys")
+        yield
+
+    def fly(self, request):
+        self.before()
+        request.confirm(SimpleNamespace(pose=SimpleNamespace(position_m=None), plan=None))
+        request.company.ground_s(request.clock)
+        request.company.flies(Interrupts())
+        end = time.monotonic() + 60.0
+        while "keys" not in self.said and time.monotonic() < end:
+            time.sleep(0.001)
+        return "flown"
+
+
+def test_the_space_bar_is_read_only_after_the_question_whether_to_arm(monkeypatch):
+    session = Session(monkeypatch, lambda: None)
+    assert [one.result for one in session.fleet.fly()] == ["flown", "flown"]
+    assert session.said == ["checked", "asked", "keys"]
+
+
+def test_ctrl_c_before_arming_ends_the_fleet_without_a_flight(monkeypatch):
+    def pressed() -> None:
+        if threading.current_thread().name.endswith("one"):
+            os.kill(os.getpid(), signal.SIGINT)
+        end = time.monotonic() + 60.0
+        while not session.fleet.gathering.refused and time.monotonic() < end:
+            time.sleep(0.001)
+
+    session = Session(monkeypatch, pressed)
+    with pytest.raises(KeyboardInterrupt):
+        session.fleet.fly()
+    assert session.said == []
 
 
 VEHICLE = TWO.split("[[vehicle]]")[1]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass, replace
 
 from ...errors import InputError, NanobenchError
@@ -47,17 +47,18 @@ class Fleet:
         self.members = [Member(v.name, v.delay_s, self.traffic, self.gathering, i / len(vehicles))
                         for i, v in enumerate(vehicles)]
         self.flown = [Flown(v) for v in vehicles]
+        self._interrupted = False
 
     def fly(self) -> list[Flown]:
         """All flights until the last has ended. Raises InputError if any vehicle does not fly: then none does."""
         threads = [threading.Thread(target=self._run, args=(i,), name=f"flight of {vehicle.name}", daemon=True)
                    for i, vehicle in enumerate(self.vehicles)]
         interrupts = Interrupts()
-        real = self._requests[0].clock.real
-        with interrupts.caught(), space_stops(lambda: self._stop("space bar")) if real else nullcontext():
+        with ExitStack() as stack:
+            stack.enter_context(interrupts.caught())
             for thread in threads:
                 thread.start()
-            self._wait(threads, interrupts)
+            self._wait(threads, interrupts, stack)
         for member, flown in zip(self.members, self.flown, strict=True):
             flown.given_up = member.given_up
         self._raise_refusal()
@@ -86,9 +87,10 @@ class Fleet:
             finally:
                 self.traffic.gone(vehicle.name)
 
-    def _wait(self, threads: Sequence[threading.Thread], interrupts: Interrupts) -> None:
-        """Until every thread has ended or was abandoned. Passes requests to end on to all flights."""
-        refused_looks = 0
+    def _wait(self, threads: Sequence[threading.Thread], interrupts: Interrupts, stack: ExitStack) -> None:
+        """Until every thread has ended or was abandoned. Passes requests to end on to all flights. The space bar counts
+        once a flight has begun: before, Enter answers the question whether to arm."""
+        refused_looks, listens = 0, not self._requests[0].clock.real
         while True:
             try:
                 alive = [t for t, member in zip(threads, self.members, strict=True)
@@ -99,6 +101,9 @@ class Fleet:
                 flying = any(member.interrupts is not None for member in self.members)
                 if self.gathering.refused and not flying:
                     refused_looks += 1
+                if flying and not listens:
+                    listens = True
+                    stack.enter_context(space_stops(lambda: self._stop("space bar")))
                 if interrupts.requested:
                     self._request(interrupts.requested, flying)
             except KeyboardInterrupt:
@@ -107,6 +112,7 @@ class Fleet:
     def _request(self, why: str, flying: bool) -> None:
         """A first request: land, or do not fly."""
         if not flying:
+            self._interrupted = True
             self.gathering.refuse(f"interrupted by {why}")
         for member in self.members:
             if member.interrupts is not None:
@@ -126,13 +132,15 @@ class Fleet:
                 member.interrupts.leave(why)
 
     def _raise_refusal(self) -> None:
-        """The first reason not to fly, if no vehicle flew; bugs of this program."""
+        """The first reason not to fly, if no vehicle flew; bugs of this program; KeyboardInterrupt before arming."""
         errors = [(flown.vehicle, flown.error) for flown in self.flown if flown.error is not None]
         for _, error in errors:
             if not isinstance(error, NanobenchError):
                 raise error
         if any(flown.result is not None or flown.given_up is not None for flown in self.flown):
             return
+        if self._interrupted:
+            raise KeyboardInterrupt
         for vehicle, error in errors:
             if not isinstance(error, OtherRefusedError):
                 named = any(v.name in str(error) or v.uri in str(error) for v in self.vehicles)
