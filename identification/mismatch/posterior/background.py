@@ -38,7 +38,7 @@ SLOW_LATE_S = (1.0, 3.0, 10.0, 25.0)
 SAMPLE_S, STRETCH_S = ROW_S * FORCE_ROWS, ROW_S * TORQUE_ROWS
 LEVELS = ("tilt", "lift", "trim", "yaw_trim")
 """Groups that differ from flight to flight."""
-FORCES = ("place", "air", "thrust", "time", "late")
+FORCES = ("place", "air", "thrust", "lean", "time", "late")
 MOMENTS = ("turn_place", "turn_air", "turn_thrust", "turn_late", "yaw_place", "yaw_air", "yaw_thrust")
 """Groups of a force, and of a moment, that no effect explains."""
 FIXED = "fixed"
@@ -142,6 +142,7 @@ def background_of(wrench: Wrench, space: Space, effects: Sequence[Effect], arm: 
     found.add("place", in_body(_on_axes(fourier(place, FEATURES, PLACE_LENGTH, rng))))
     found.add("air", _beside(air, _on_axes(fourier(air, FEATURES, AIR_LENGTH, rng))))
     found.add("thrust", _on_axes(fourier(load[:, None], THRUST_FEATURES, THRUST_LENGTH, rng), [2]))
+    found.add("lean", _lean(wrench, frame[:, :2, 2]))
     found.add("time", in_body(_in_time(wrench, at)))
     found.add("late", _late(wrench, made[:, 2]))
     if len(turns):
@@ -194,6 +195,18 @@ def _levels(found: _Columns, wrench: Wrench, effects: Sequence[Effect], made: np
             column = np.zeros((len(turning), 3, len(flights)))
             column[:, axis] = turning / arm[axis]
             found.add("trim" if axis < 2 else "yaw_trim", torque=column)
+
+
+def _lean(wrench: Wrench, thrust_axis: np.ndarray) -> np.ndarray:
+    """(N, 3, k) force along z that is proportional to the lean towards x and y of the world, separate for each flight.
+    ``thrust_axis`` (N, 2): horizontal components of body z.
+
+    A world that is not level, or a thrust that depends on the place, does this. Of the terms, only the difference of
+    a wind and a constant force does. Without these columns the two are taken large against each other.
+    """
+    lean = (thrust_axis - thrust_axis.mean(0)) / np.maximum(thrust_axis.std(0) * np.sqrt(2.0), 1e-6)
+    flight = wrench.flight[wrench.force_at]
+    return np.concatenate([_on_axes(lean * (flight == one)[:, None], [2]) for one in np.unique(flight)], 2)
 
 
 def _in_time(wrench: Wrench, at: np.ndarray) -> np.ndarray:

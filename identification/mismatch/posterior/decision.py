@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from nanobench_tools.physics import Model
-from nanobench_tools.settings import number
+from nanobench_tools.settings import count, number
 
 from ..space import reduced
 from ..wrench import CHANNELS
@@ -28,6 +28,8 @@ MATTERS_M_S2 = number("posterior.decision.matters_m_s2")
 """Unmodelled physics below this is as good as flights allow."""
 OUTWEIGHS = number("posterior.decision.outweighs")
 """Times the force that no effect explains."""
+KINDS = count("posterior.decision.kinds")
+"""Kinds of effects that one finding may leave open."""
 NINETY_FIVE = 1.96
 TWINS: dict[str, tuple[str, ...]] = {"com_offset": ("motor_imbalance",), "mass": ("thrust_scale",),
                                      "thrust_scale": ("mass",)}
@@ -78,7 +80,8 @@ class Decision:
     """Decision on all effects.
 
     leaning {term: probability}; rejected {term: reason}; found: sizes of the identified effects; corrected: the
-    simulator with these sizes; alone {term: log odds over no effect}.
+    simulator with these sizes; alone {term: log odds over no effect}; open_between: terms of each effect that is there
+    but may be of more than KINDS kinds.
     """
 
     findings: tuple[Finding, ...]
@@ -87,6 +90,7 @@ class Decision:
     found: Refined
     corrected: Model | None
     alone: Mapping[str, float]
+    open_between: tuple[tuple[str, ...], ...] = ()
 
 
 def decide(case: Case, judge: Callable[[Refined, Refined], float],
@@ -114,7 +118,11 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
                             | _of_family(case.effects[i].term, by_term) | _between(weighing, i)) for i in best}
     sure = {i: sum(p for s, p in posterior.items()
                    if {evidence.effects[j].term for j in s} & set(kinds[i])) for i in best}
-    found = _standing(weighing, tuple(i for i in best if sure[i] >= NAMED), rejected)
+    sure_ones = tuple(i for i in best if sure[i] >= NAMED)
+    wide = {i: tuple(sorted(kinds[i])) for i in sure_ones if kinds_of(kinds[i]) > KINDS}
+    rejected |= {case.effects[i].term: f"these flights do not show which of {', '.join(terms)} it is"
+                 for i, terms in wide.items()}
+    found = _standing(weighing, tuple(i for i in sure_ones if i not in wide), rejected)
     if again is not None and len(found.chosen) > 1:
         first = max(found.chosen, key=lambda i: _size_of(case, i, found))
         there = list(again(_written(case, weighing.sizes((first,)))))
@@ -135,7 +143,8 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
                  if t not in named and t not in rejected and t not in leaning}
     alone = {case.effects[i].term: weighing.score((i,)) - weighing.score(())
              for i in sorted(range(len(case.effects)), key=lambda i: weighing.score((i,)))}
-    return Decision(findings, leaning, rejected, found, _written(case, found) if findings else None, alone)
+    return Decision(findings, leaning, rejected, found, _written(case, found) if findings else None, alone,
+                    tuple(dict.fromkeys(wide.values())))
 
 
 def _certain_of_size(weighing: Weighing) -> tuple[tuple[int, ...], dict[tuple[int, ...], float], dict[str, str]]:
@@ -328,6 +337,16 @@ def _of_family(term: str, by_term: Mapping[str, float]) -> dict[str, float]:
     lost = {other: float(np.log(max(by_term[term], 1e-12) / max(by_term.get(other, 0.0), 1e-12)))
             for family in FAMILIES if term in family for other in family - {term}}
     return {other: max(nats, 0.0) for other, nats in lost.items() if nats < ALTERNATIVE}
+
+
+def kinds_of(terms: Iterable[str]) -> int:
+    """Number of kinds of effects among terms: those of one family, and twins, are one kind."""
+    alike = [*FAMILIES, *({term, *twins} for term, twins in TWINS.items())]
+    parts = list[set[str]]()
+    for term in terms:
+        near = {term}.union(*(group for group in alike if term in group))
+        parts = [*(p for p in parts if not p & near), near.union(*(p for p in parts if p & near))]
+    return len(parts)
 
 
 def _between(weighing: Weighing, which: int) -> dict[str, float]:

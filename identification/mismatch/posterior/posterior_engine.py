@@ -100,15 +100,15 @@ def body_of(case: Case, decision: Decision, improvement: Improvement, recordings
         "levels": {}, "not_asked": not_asked(case.wrench),
         "leaning": dict(decision.leaning), "discrepancy_m_s2": left, "corrected_simulator": None, "elapsed_s": 0.0,
         "engine": "posterior"}
-    body["paragraph"] = _paragraph(body, recordings, improvement)
+    body["paragraph"] = _paragraph(body, recordings, improvement, decision.open_between)
     body["good_for"] = good_for(body["improvement"])
     body["good_for_corrected"] = good_for(body["improvement"], "after") if findings else None
     body["headline"] = headline(body)
     return body
 
 
-WORDS = {"place": "the place", "air": "the air velocity", "thrust": "the thrust", "time": "time alone",
-         "late": "the thrust of the seconds before"}
+WORDS = {"place": "the place", "air": "the air velocity", "thrust": "the thrust", "lean": "the direction of lean",
+         "time": "time alone", "late": "the thrust of the seconds before"}
 
 
 def _entry(finding: Finding, recordings: Recordings) -> dict[str, Any]:
@@ -152,7 +152,8 @@ def _after(unit: str) -> str:
     return "" if unit == "1" else f" {unit}"
 
 
-def _paragraph(body: dict[str, Any], recordings: Recordings, improvement: Improvement) -> str:
+def _paragraph(body: dict[str, Any], recordings: Recordings, improvement: Improvement,
+               open_between: Sequence[Sequence[str]]) -> str:
     flown = sum(s.duration_s for a in recordings.audits.values() for s in a.airborne)
     parts = [f"{recordings.judged_s:.0f} of {max(flown, recordings.judged_s):.0f} s in the air are judged.",
              *only_translation(body, recordings)]
@@ -163,6 +164,8 @@ def _paragraph(body: dict[str, Any], recordings: Recordings, improvement: Improv
         other = f" Not distinguishable here from {' or '.join(entry['equivalent'])}." if entry["equivalent"] else ""
         parts.append(f"The simulator is wrong about {entry['term']}: {find_term(entry['term']).sentence} {values}. "
                      f"Probability {entry['confidence']:.2f}.{other}")
+    parts += [f"Something is wrong, but these flights do not show which of {', '.join(terms)} it is."
+              for terms in open_between]
     if body["leaning"]:
         parts.append("Not sure enough to be identified: " + ", ".join(
             f"{t} (probability {p:.2f})" for t, p in body["leaning"].items()) + ".")

@@ -69,8 +69,8 @@ OFFSETS = (*(term for term, level in SHARED.items() if level == "tilt"), "com_of
 """Terms with an uncertainty that does not depend on their size; that of the others is a share of their contribution."""
 GAINS = ("inertia", "yaw_torque")
 """Terms of the gain from command to moment, which noisy commands change."""
-UNNAMED_GROUPS = ("place", "air", "thrust", "late", "turn_place", "turn_air", "turn_thrust", "yaw_place", "yaw_air",
-                  "yaw_thrust")
+UNNAMED_GROUPS = ("place", "air", "thrust", "lean", "late", "turn_place", "turn_air", "turn_thrust", "yaw_place",
+                  "yaw_air", "yaw_thrust")
 """Groups of the background that an effect may be confused with."""
 
 
@@ -244,7 +244,7 @@ class Evidence:
         feigned = UNNAMED * np.sqrt((along[:, None] ** 2 * self.varying * share / self.seen).sum(0))
         terms = [self.effects[i].term for i in self.owner]
         trim = max(self.amplitudes.get(level, 0.0) for level in ("trim", "yaw_trim"))
-        turned = TILT_SHARED * trim * np.sqrt(((1.0 - self.varying) * share)[3:].sum(0) / max(self.flights, 1))
+        turned = TILT_SHARED * trim * np.sqrt(((1.0 - self.varying) * share)[3:].sum(0))
         levels = np.hypot([self._shared(t) for t in terms], turned)
         loose = self.believed * [0.0 if t in OFFSETS else g if t in GAINS else LOOSE
                                  for t, g in zip(terms, self.gain_error, strict=True)]
@@ -263,8 +263,8 @@ class Evidence:
     def _shared(self, term: str) -> float:
         """m/s^2: what a change of the force that all flights share has to exceed.
 
-        Flights of a set come from few sessions, each with its own tilt. So a shared tilt is no more certain than that
-        of one flight. Thrust differs between flights, too, and between sessions by ``lift_spread``.
+        Flights of a set come from few sessions, each with its own tilt and trim. So a shared tilt or trim is no more
+        certain than that of one flight. Thrust differs between flights, too, and between sessions by ``lift_spread``.
         """
         level = SHARED.get(term, "")
         if level == "tilt":

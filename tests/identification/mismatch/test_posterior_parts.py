@@ -25,7 +25,7 @@ from identification.mismatch.posterior.background import (
     background_of,
     fourier,
 )
-from identification.mismatch.posterior.build import _seen
+from identification.mismatch.posterior.build import _seen, build
 from identification.mismatch.posterior.effects import Effect, effects_of, within_reach
 from identification.mismatch.posterior.gain_error import gain_error
 from identification.mismatch.posterior.left_out_flights import _as_sessions_differ, _calmed, _lift_gain
@@ -35,6 +35,7 @@ from identification.mismatch.posterior.sizing import _shortened
 from identification.mismatch.posterior.thrust_exponent import Curve
 from identification.mismatch.space import space_around
 from identification.mismatch.wrench import TORQUE_ROWS, Wrench
+from nanobench_tools import so3
 from nanobench_tools.physics import Model, Vehicle
 
 
@@ -160,6 +161,21 @@ def test_a_trim_turns_with_the_thrust():
     assert com[first].std() > 0.01 * np.abs(com[first]).mean()
     assert np.abs(ratio[:, 0]).min() > 0.0
     assert ratio.std(0).max() < 1e-9 * np.abs(ratio).max()
+
+
+@pytest.mark.parametrize(("most", "is_wind"), [(0.0, True), (1.0, False)])
+def test_thrust_that_follows_the_lean_is_no_wind(monkeypatch, most, is_wind):
+    """0.15 m/s^2 along z with the lean towards x. Without columns for it, a wind and a constant force are taken large
+    against each other: equal along x and y, but not along z."""
+    monkeypatch.setattr(set_evidence, "CAPS", {**set_evidence.CAPS, "lean": most})
+    wrench = wrench_of(MODEL, flights=2, seconds=8.0)
+    force, torque = wrench.measured
+    lean = so3.matrix(wrench.quaternion[wrench.force_at])[:, 0, 2]
+    wrench.__dict__["measured"] = force + 0.15 * (lean / lean.std())[:, None] * [0.0, 0.0, 1.0], torque
+    evidence = build(wrench, space_around(MODEL, wrench.unasked), MODEL).evidence
+    evidence.learn()
+    wind = next(i for i, e in enumerate(evidence.effects) if e.term == "wind")
+    assert (evidence.weighed((wind,))[0] > 3.0) == is_wind
 
 
 @pytest.mark.parametrize("flights", [1, 6, 60])
@@ -461,6 +477,15 @@ def test_columns_of_both_stand_beside_each_other():
     assert both.many == 3
     assert both.force[0].tolist() == [1.0, 2.0, 2.0]
     assert both.turning[0][0, 0].tolist() == [1.0, 2.0, 2.0]
+
+
+@pytest.mark.parametrize(("terms", "kinds"), [
+    (("mass",), 1), (("mass", "thrust_scale"), 1), (("drag_linear", "drag_rotor", "com_offset", "motor_imbalance"), 2),
+    (("motor_lag", "mass", "rotor_gyro", "thrust_scale"), 3),
+    (("saturation", "thrust_voltage", "inertia", "yaw_torque", "drag_torque", "com_offset", "motor_imbalance"), 5)])
+def test_terms_of_one_family_and_twins_are_one_kind(terms, kinds):
+    """Counted by hand, in any order."""
+    assert {decision.kinds_of(order) for order in (terms, terms[::-1], sorted(terms))} == {kinds}
 
 
 def test_every_group_of_the_discrepancy_has_words():
