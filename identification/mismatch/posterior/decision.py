@@ -80,8 +80,8 @@ class Decision:
     """Decision on all effects.
 
     leaning {term: probability}; rejected {term: reason}; found: sizes of the identified effects; corrected: the
-    simulator with these sizes; alone {term: log odds over no effect}; open_between: terms of each effect that is there
-    but may be of more than KINDS kinds.
+    simulator with these sizes; alone {term: log odds over no effect}. open_between: terms of each effect that may be of
+    more than KINDS kinds.
     """
 
     findings: tuple[Finding, ...]

