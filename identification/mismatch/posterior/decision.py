@@ -79,9 +79,9 @@ class Finding:
 class Decision:
     """Decision on all effects.
 
-    leaning {term: probability}; rejected {term: reason}; found: sizes of the identified effects; corrected: the
-    simulator with these sizes; alone {term: log odds over no effect}. open_between: terms of each effect that may be of
-    more than KINDS kinds.
+    - leaning {term: probability}; rejected {term: reason}; alone {term: log odds over no effect}.
+    - found: sizes of the identified effects; corrected: the simulator with these sizes.
+    - open_between: terms of each effect that may be of more than KINDS kinds.
     """
 
     findings: tuple[Finding, ...]
