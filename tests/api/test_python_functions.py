@@ -150,7 +150,7 @@ def test_advice_speaks_python(text, python):
 def test_errors_of_reading_name_arguments(tmp_path):
     (tmp_path / "strange.csv").write_text("t,foo\n0,1\n1,2\n")
     (tmp_path / "stand.csv").write_text("pwm,thrust [N],voltage [V]\n" + "".join(
-        f"{1000 + 50 * k},{0.01 * k},4.0\n" for k in range(20)))
+        f"{3000 * k},{0.01 * k},4.0\n" for k in range(20)))
     with pytest.raises(UsageError, match=r'read it with columns="MAP\.toml"'):
         nb.load(tmp_path / "strange.csv")
     read = nb.load(tmp_path)

@@ -173,5 +173,7 @@ FOREIGN: dict[str, Foreign] = {
         _plain("t,px,py,pz,qx,qy,qz,qw,pwm1,pwm2,pwm3,pwm4,rpm1,rpm2,rpm3,rpm4,vbat"), None, ("t", "pwm1", "settled")),
     "own table of other names": Foreign(_plain("stamp,height,speed"), None, ("stamp", "height", "speed")),
     "a stand": Foreign(_plain("pwm,vbat[V],rpm1,rpm2,rpm3,rpm4,thrust[g]", **{
-        "pwm": np.linspace(0.1, 0.9, len(path()[0])), "thrust[g]": np.linspace(1.0, 30.0, len(path()[0]))}), "stand"),
+        "pwm": np.linspace(3e3, 6e4, len(path()[0])),
+        **{f"rpm{k}": np.linspace(5e3, 2e4, len(path()[0])) for k in range(1, 5)},
+        "thrust[g]": np.linspace(1.0, 30.0, len(path()[0]))}), "stand"),
 }  # fmt: skip

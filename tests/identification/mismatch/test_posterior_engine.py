@@ -57,7 +57,8 @@ def test_a_wrong_mass_is_found_with_its_size_and_predicts_better(too_heavy):
     assert too_heavy.corrected is not None
     soon = too_heavy.body["improvement"]["10"]
     assert soon["after"]["velocity_m_s"] < soon["before"]["velocity_m_s"]
-    assert too_heavy.body["headline"].startswith("The simulator is wrong about thrust_scale")
+    assert too_heavy.body["headline"].startswith("The simulator is wrong about ")
+    assert "thrust_scale" in too_heavy.body["headline"]
 
 
 @pytest.mark.slow
