@@ -59,7 +59,10 @@ def headline(body: Mapping[str, Any]) -> str:
     flights = len(improvement.get("held_out") or [])
     where = f" on {flights} flight{'s' * (flights != 1)} left out" if flights else ""
     names = ", ".join(f"{one_of(f)} ({f['confidence']:.0%})" for f in body.get("findings") or [])
-    beside = " and something no term describes" if body.get("unknown") else ""
+    unknown = body.get("unknown") or {}
+    between = [one_of({"term": first, "equivalent": others}) for first, *others in unknown.get("between") or []]
+    beside = f" and about {' and about '.join(between)}" if between else (
+        " and something no term describes" if unknown else "")
     error = "" if before is None else f"; position error after 0.5 s {before:.3f} m{where}"
     if names:
         mended = "" if before is None or after is None else (
@@ -69,6 +72,8 @@ def headline(body: Mapping[str, Any]) -> str:
     if body["outcome"] == "none" and leaning:
         most = max(leaning, key=lambda t: leaning[t])
         return f"No effect is sure enough to be identified; the most probable is {most} ({leaning[most]:.0%}){error}."
+    if between:
+        return (f"The simulator is wrong, and these flights do not show what is missing: {'; '.join(between)}{error}.")
     return {"none": f"The simulator agrees with these flights as well as logging allows{error}.",
             "unknown": f"The simulator leaves out something that no term describes{error}.",
             "data_fault": "The data are at fault; nothing is said about physics.",

@@ -63,7 +63,7 @@ class Finding:
 
     ``equivalent``: terms that are indistinguishable from it in these flights, with the probability of each.
     ``probability``: of the class. ``sizes``: by parameter. ``force_m_s2``, ``torque_rad_s2``: its contribution, m/s^2
-    RMS of force and rad/s^2 RMS of turning.
+    RMS of force and rad/s^2 RMS of turning. ``size_m_s2``: both together, moments as thrust at the motors' arms.
     """
 
     term: str
@@ -72,6 +72,7 @@ class Finding:
     sizes: Mapping[str, Size]
     force_m_s2: float
     torque_rad_s2: float
+    size_m_s2: float
     axes: tuple[str, ...]
 
 
@@ -81,7 +82,8 @@ class Decision:
 
     - leaning {term: probability}; rejected {term: reason}; alone {term: log odds over no effect}.
     - found: sizes of the identified effects; corrected: the simulator with these sizes.
-    - open_between: terms of each effect that may be of more than KINDS kinds.
+    - left_open: effects that are there but may be of more than KINDS kinds, as findings. Their sizes are those in the
+      most probable set.
     """
 
     findings: tuple[Finding, ...]
@@ -90,7 +92,7 @@ class Decision:
     found: Refined
     corrected: Model | None
     alone: Mapping[str, float]
-    open_between: tuple[tuple[str, ...], ...] = ()
+    left_open: tuple[Finding, ...] = ()
 
 
 def decide(case: Case, judge: Callable[[Refined, Refined], float],
@@ -119,10 +121,11 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
     sure = {i: sum(p for s, p in posterior.items()
                    if {evidence.effects[j].term for j in s} & set(kinds[i])) for i in best}
     sure_ones = tuple(i for i in best if sure[i] >= NAMED)
-    wide = {i: tuple(sorted(kinds[i])) for i in sure_ones if kinds_of(kinds[i]) > KINDS}
-    rejected |= {case.effects[i].term: f"these flights do not show which of {', '.join(terms)} it is"
-                 for i, terms in wide.items()}
-    found = _standing(weighing, tuple(i for i in sure_ones if i not in wide), rejected)
+    left_open = {tuple(sorted(kinds[i])): _finding(case, i, weighing.sizes(best), kinds[i], sure[i], by_term)
+                 for i in sure_ones if kinds_of(kinds[i]) > KINDS}
+    rejected |= {open_one.term: f"these flights do not show which of {', '.join(terms)} it is"
+                 for terms, open_one in left_open.items()}
+    found = _standing(weighing, tuple(i for i in sure_ones if tuple(sorted(kinds[i])) not in left_open), rejected)
     if again is not None and len(found.chosen) > 1:
         first = max(found.chosen, key=lambda i: _size_of(case, i, found))
         there = list(again(_written(case, weighing.sizes((first,)))))
@@ -144,7 +147,7 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
     alone = {case.effects[i].term: weighing.score((i,)) - weighing.score(())
              for i in sorted(range(len(case.effects)), key=lambda i: weighing.score((i,)))}
     return Decision(findings, leaning, rejected, found, _written(case, found) if findings else None, alone,
-                    tuple(dict.fromkeys(wide.values())))
+                    tuple(left_open.values()))
 
 
 def _certain_of_size(weighing: Weighing) -> tuple[tuple[int, ...], dict[tuple[int, ...], float], dict[str, str]]:
@@ -431,7 +434,8 @@ def _finding(case: Case, which: int, found: Refined, kind: Mapping[str, float], 
     others = {t: by_term[t] for t in kind if t != effect.term and t in by_term}
     return Finding(effect.term, others, probability, _sizes(case, which, found),
                    float(np.sqrt((force**2).sum(1).mean())),
-                   float(np.sqrt((torque**2).sum(1).mean())) if len(torque) else 0.0, axes)
+                   float(np.sqrt((torque**2).sum(1).mean())) if len(torque) else 0.0,
+                   _size_of(case, which, found), axes)
 
 
 def _written(case: Case, found: Refined) -> Model:

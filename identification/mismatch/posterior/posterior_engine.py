@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -79,16 +79,11 @@ def body_of(case: Case, decision: Decision, improvement: Improvement, recordings
             floor: np.ndarray) -> dict[str, Any]:
     """verdict.json without what belongs to the file around it."""
     left = unexplained(case, decision.found)
-    size = force_of(left)
     findings = [_entry(f, recordings) for f in decision.findings]
-    unknown = None
-    if size > MATTERS_M_S2:
-        most = max((g for g in left if g in FORCES), key=lambda g: left[g])
-        unknown = {"where": {"axes": ["force"], "kind": most, "flights": list(recordings.names)},
-                   "bound_m_s2": 2.0 * size, "hint": f"a force that goes with {WORDS[most]}, {size:.2f} m/s^2 RMS"}
+    unknown = _unknown(decision, left, recordings)
     outcome = "named" if findings else "unknown" if unknown else "data_fault" if recordings.forbidding else "none"
     body: dict[str, Any] = {
-        "outcome": outcome, "findings": findings, "unknown": unknown if outcome != "named" or unknown else None,
+        "outcome": outcome, "findings": findings, "unknown": unknown,
         "data_faults": data_faults(recordings), "power": power(case),
         "improvement": {**{str(h): {"before": row_of(improvement.before, k), "after": row_of(improvement.after, k),
                                     "floor": row_of(floor[None], k),
@@ -100,11 +95,28 @@ def body_of(case: Case, decision: Decision, improvement: Improvement, recordings
         "levels": {}, "not_asked": not_asked(case.wrench),
         "leaning": dict(decision.leaning), "discrepancy_m_s2": left, "corrected_simulator": None, "elapsed_s": 0.0,
         "engine": "posterior"}
-    body["paragraph"] = _paragraph(body, recordings, improvement, decision.open_between)
+    body["paragraph"] = _paragraph(body, recordings, improvement)
     body["good_for"] = good_for(body["improvement"])
     body["good_for_corrected"] = good_for(body["improvement"], "after") if findings else None
     body["headline"] = headline(body)
     return body
+
+
+def _unknown(decision: Decision, left: Mapping[str, float], recordings: Recordings) -> dict[str, Any] | None:
+    """Physics that is there and is not identified: effects of too many kinds, else a force that no effect explains."""
+    flights, size = list(recordings.names), force_of(left)
+    if decision.left_open:
+        axes = dict.fromkeys(axis for f in decision.left_open for axis in f.axes)
+        between = [[f.term, *f.equivalent] for f in decision.left_open]
+        return {"where": {"axes": list(axes), "kind": "effects", "flights": flights},
+                "bound_m_s2": 2.0 * max(f.size_m_s2 for f in decision.left_open), "between": between,
+                "hint": "; ".join(f"{' or '.join(terms)} ({f.size_m_s2:.2f} m/s^2 RMS)"
+                                  for terms, f in zip(between, decision.left_open, strict=True))}
+    if size <= MATTERS_M_S2:
+        return None
+    most = max((g for g in left if g in FORCES), key=lambda g: left[g])
+    return {"where": {"axes": ["force"], "kind": most, "flights": flights}, "bound_m_s2": 2.0 * size,
+            "hint": f"a force that goes with {WORDS[most]}, {size:.2f} m/s^2 RMS"}
 
 
 WORDS = {"place": "the place", "air": "the air velocity", "thrust": "the thrust", "lean": "the direction of lean",
@@ -152,8 +164,7 @@ def _after(unit: str) -> str:
     return "" if unit == "1" else f" {unit}"
 
 
-def _paragraph(body: dict[str, Any], recordings: Recordings, improvement: Improvement,
-               open_between: Sequence[Sequence[str]]) -> str:
+def _paragraph(body: dict[str, Any], recordings: Recordings, improvement: Improvement) -> str:
     flown = sum(s.duration_s for a in recordings.audits.values() for s in a.airborne)
     parts = [f"{recordings.judged_s:.0f} of {max(flown, recordings.judged_s):.0f} s in the air are judged.",
              *only_translation(body, recordings)]
@@ -164,12 +175,12 @@ def _paragraph(body: dict[str, Any], recordings: Recordings, improvement: Improv
         other = f" Not distinguishable here from {' or '.join(entry['equivalent'])}." if entry["equivalent"] else ""
         parts.append(f"The simulator is wrong about {entry['term']}: {find_term(entry['term']).sentence} {values}. "
                      f"Probability {entry['confidence']:.2f}.{other}")
-    parts += [f"Something is wrong, but these flights do not show which of {', '.join(terms)} it is."
-              for terms in open_between]
     if body["leaning"]:
         parts.append("Not sure enough to be identified: " + ", ".join(
             f"{t} (probability {p:.2f})" for t, p in body["leaning"].items()) + ".")
-    if body["unknown"]:
+    if body["unknown"] and "between" in body["unknown"]:
+        parts.append(f"Something is wrong, but these flights do not show which it is: {body['unknown']['hint']}.")
+    elif body["unknown"]:
         parts.append(f"Something is there that no term of the vocabulary describes: {body['unknown']['hint']}.")
     elif not body["findings"]:
         parts.append("Nothing is identified.")

@@ -47,5 +47,11 @@ def test_headlines():
     assert headline(quiet).endswith("position error after 0.5 s 0.050 m.")
     assert headline({**quiet, "leaning": {"wind": 0.6, "inflow": 0.7}}).startswith(
         "No effect is sure enough to be identified; the most probable is inflow (70%); position error")
+    either = {"hint": "x", "between": [["wind", "mass"], ["inflow"]]}
+    assert headline({**quiet, "outcome": "unknown", "unknown": either}) == (
+        "The simulator is wrong, and these flights do not show what is missing: wind or mass; inflow; "
+        "position error after 0.5 s 0.050 m.")
+    both = headline({**body, "unknown": either})
+    assert "wrong about drag_linear (97%) and about wind or mass and about inflow;" in both
     assert headline({"outcome": "insufficient", "improvement": None}) == "Nothing can be said about physics."
     assert uses(good_for(None)).count("cannot say") == 3

@@ -13,6 +13,7 @@ from carried_tracks import MODEL, track_of
 from identification.mismatch.drawings import drawings
 from identification.mismatch.page import page_text
 from identification.mismatch.pictures import pictures
+from identification.mismatch.posterior import decision
 from identification.mismatch.posterior.decision import _sizes, decide
 from identification.mismatch.posterior.posterior_engine import diagnose, verdict_body, weighed
 from identification.mismatch.posterior.sizing import refine
@@ -67,6 +68,22 @@ def test_the_order_of_flights_changes_nothing(flown, too_heavy):
     body = verdict_body(recordings_of(tracks), MODEL.on(mass_kg=0.046))
     one, other = (next(iter(b["findings"][0]["parameters"].values()))["value"] for b in (too_heavy.body, body))
     assert one == pytest.approx(other, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_an_effect_of_too_many_kinds_is_unknown_and_said_first(flown, monkeypatch):
+    """Mass and thrust_scale are one kind; here none may stay open."""
+    monkeypatch.setattr(decision, "KINDS", 0)
+    body = verdict_body(flown, MODEL.on(mass_kg=0.046))
+    assert (body["outcome"], body["findings"], body["corrected_simulator"]) == ("unknown", [], None)
+    unknown = body["unknown"]
+    assert [set(terms) for terms in unknown["between"]] == [{"mass", "thrust_scale"}]
+    assert unknown["bound_m_s2"] == pytest.approx(2.0 * 9.81 * 0.006 / 0.046, rel=0.2)  # thrust differs by session
+    assert unknown["where"]["axes"] == ["force z"]
+    assert body["headline"].startswith("The simulator is wrong, and these flights do not show what is missing: ")
+    assert "mass" in body["headline"]
+    assert unknown["hint"] in body["paragraph"]
+    assert {"mass", "thrust_scale"} & {t["term"] for t in body["not_named"]}
 
 
 def test_what_is_turned_down_has_a_reason(too_heavy):
