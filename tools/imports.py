@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 from collections import defaultdict
 from collections.abc import Iterable
 from pathlib import Path
@@ -62,6 +63,7 @@ def imported(name: str, text: str, is_package: bool, known: Iterable[str]) -> se
     return found - {"", name}
 
 
+@functools.cache
 def import_graph() -> dict[str, set[str]]:
     """Module -> modules that it imports."""
     found = modules()

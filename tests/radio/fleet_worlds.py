@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from fleet_plans import TWO, fleet
 
 from controllers.plants.served_vehicle import served
 from nanobench_tools.cli.fly_controllers import pilot_for
@@ -18,28 +19,6 @@ from nanobench_tools.radio.simulated.channel import RadioOptions
 from nanobench_tools.radio.simulated.motion_capture import MocapOptions
 
 ROOM = MocapOptions(noise_m=1.2e-5, noise_rad=6e-4)
-TWO = """
-[[vehicle]]
-name = "left"
-uri = "udp://127.0.0.1:19850"
-place = [0.0, -0.8]
-trajectory = "circle"
-speed = 0.5
-size = 0.4
-seconds = 4
-controller = "onboard_pid"
-
-[[vehicle]]
-name = "right"
-uri = "udp://127.0.0.1:19851"
-place = [0.0, 0.8]
-trajectory = "circle"
-speed = 0.5
-size = 0.4
-seconds = 4
-controller = "geometric"
-delay_s = 1.0
-"""
 
 
 class Watched:
@@ -48,9 +27,7 @@ class Watched:
 
     def __init__(self, folder: Path, text: str = TWO, fault: Callable[[Watched, float], None] = lambda w, s: None,
                  record: bool = False, places: dict[int, tuple[float, float]] | None = None) -> None:
-        path = folder / "fleet.toml"
-        path.write_text(text)
-        self.plan = read_fleet(path)
+        self.plan = read_fleet(fleet(folder, text=text))
         spots = {i: v.place_m for i, v in enumerate(self.plan.vehicles)} | (places or {})
         self.fleet = VirtualFleet(len(self.plan.vehicles), lambda i, uri, start_s: FleetWorld(
             served(start_m=(*spots[i], 0.0), seed=i), RadioOptions(latency_s=0.010, seed=i), ROOM, uri, start_s))

@@ -12,7 +12,8 @@ pytest.importorskip("cflib")
 pytest.importorskip("casadi")
 
 from cflib_world import until
-from fleet_worlds import TWO, Watched
+from fleet_plans import TWO
+from fleet_worlds import Watched
 
 from nanobench_tools.errors import InputError
 from nanobench_tools.radio.fleet import fleet_session

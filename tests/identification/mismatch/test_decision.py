@@ -1,0 +1,134 @@
+"""Which effects are identified, given sizes and probabilities, against hand-worked cases."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from identification.mismatch.posterior import decision, weighing
+from identification.mismatch.posterior.background import (
+    Background,
+)
+from identification.mismatch.posterior.effects import Effect
+
+
+@pytest.mark.parametrize(("left_m_s2", "sign", "rejected"), [
+    ((0.29, 0.29, 0.29), -1.0, []), ((0.31, 0.31, 0.31), -1.0, []), ((0.34, 0.34, 0.34), -1.0, [0]),
+    ((1.0, 1.0, 1.0), -1.0, [0]), ((0.0, 0.0, 9.0), -1.0, []), ((1.0, 1.0, 1.0), 1.0, [])])
+def test_a_force_is_identified_only_where_it_outweighs_what_no_effect_explains(left_m_s2, sign, rejected):
+    """Pushes of 0.5 and 1.8 m/s^2 along x that change their sign, and a moment, which no force hides: the weaker push
+    goes first. One along z cannot imitate it, nor one without a mean a constant push. Numbers are for a force of that
+    length, equal along all axes; the fifth along z, the last beside constant pushes."""
+    def effect(term: str, push: float, turn: float) -> Effect:
+        force, torque = np.zeros((4, 3, 1)), np.zeros((4, 3, 1))
+        force[:, 0, 0], torque[:, 1] = push * np.array([1.0, sign, 1.0, sign]), turn
+        return Effect(term, force, torque, {}, np.array([-9.0]), np.array([9.0]))
+
+    evidence = SimpleNamespace(P=3, everything=lambda chosen: np.concatenate(
+        [np.zeros(3), np.array(left_m_s2) / np.sqrt(3.0), [9.0]]))
+    background = Background(np.tile(np.eye(3, 4), (4, 1, 1)), np.zeros((0, 3, 4)),
+                            np.array(["place", "air", "late", "tilt"]))
+    effects = [effect("wind", 0.5, 0.0), effect("mass", 1.8, 0.0), effect("com_offset", 0.0, 9.0)]
+    case = SimpleNamespace(effects=effects, evidence=evidence, background=background, arm=np.full(3, 0.03))
+    found = SimpleNamespace(chosen=(0, 1, 2), step=np.ones(3), across=None)
+    assert list(decision._overshadowed(case, found)) == rejected
+
+
+@pytest.mark.parametrize(("left_m_s2", "alike"), [(0.1, {}), (0.3, {"frame_tilt": 0.0}), (1.1, {})])
+def test_what_differs_by_less_than_physics_without_a_name_cannot_be_distinguished(left_m_s2, alike):
+    """Along x a push of 1 m/s^2, one that comes and goes by 0.2 about 1, and one that changes its sign; where what no
+    effect explains is larger than the push itself, nothing is compared with it."""
+    force = np.zeros((4, 3, 3))
+    force[:, 0] = np.array([[1.0, 1.0, 1.0, 1.0], [1.2, 0.8, 1.2, 0.8], [1.0, -1.0, 1.0, -1.0]]).T
+    terms = "force_world", "frame_tilt", "drag_linear"
+    effects = [Effect(t, force[..., [k]], np.zeros((4, 3, 1)), {}, np.array([-9.0]), np.array([9.0]))
+               for k, t in enumerate(terms)]
+    work = np.concatenate([np.einsum("nki,nkj->kij", force, force) / 4.0, np.zeros((3, 3, 3))])
+    evidence = SimpleNamespace(columns=lambda chosen: np.array(chosen), unit=np.ones(3), work=work,
+                               lower=np.full(3, -9.0), upper=np.full(3, 9.0))
+    case = SimpleNamespace(effects=effects, evidence=evidence)
+    assert decision._alike(case, SimpleNamespace(chosen=(0,), step=np.ones(1)), 0, {"air": left_m_s2}) == alike
+
+
+@pytest.mark.parametrize(("together", "alike"), [(34.0, {"motor_lag": 0.0}), (22.0, {})])
+def test_thrust_that_is_late_as_neither_a_lag_nor_a_delay_is_both(together, alike):
+    """Delay 20 nats, lag 17, each with a prior of -4, and both together more or not."""
+    logs = {(0,): 20.0, (1,): 17.0, (0, 1): together, (2,): 3.0}
+    effects = [SimpleNamespace(term=t) for t in ("command_delay", "motor_lag", "wind")]
+    case = SimpleNamespace(effects=effects, evidence=SimpleNamespace(log_prior=lambda chosen: -4.0 * len(chosen)))
+    weighed = SimpleNamespace(case=case, sizes=lambda chosen: SimpleNamespace(log=logs[chosen]))
+    assert decision._between(weighed, 0) == alike
+    assert decision._between(weighed, 2) == {}
+
+
+def test_an_effect_that_only_predictions_speak_for_gives_way(monkeypatch):
+    """Predictions favour a wind by 30 nats, a drag by 20, but the residual shows no wind: 0.1 +- 0.5 m/s beside 0."""
+    monkeypatch.setattr(weighing, "PREDICTED", 0)
+    sets = {(): 0.0, (0,): -3.0, (1,): -3.0, (0, 1): -6.0}
+    case = SimpleNamespace(evidence=SimpleNamespace(sets=sets, score=sets.__getitem__),
+                           effects=[SimpleNamespace(term=t, far=False) for t in ("wind", "drag_linear")])
+    monkeypatch.setattr(weighing.Weighing, "sizes", lambda self, chosen: chosen)
+    monkeypatch.setattr(decision, "_inside_bounds", lambda weighed, best: best)
+    sizes = decision.Size(0.0, 0.1, 0.5, "m/s"), decision.Size(0.0, 0.015, 0.004, "N s/m")
+    monkeypatch.setattr(decision, "_sizes", lambda case, i, found: {"x": sizes[i]})
+    monkeypatch.setattr(decision, "_certainty", lambda case, i, found: sizes[i].share)
+    weighed = weighing.Weighing(case, lambda one, other: {(0,): 30.0, (1,): 20.0}.get(one, 0.0))
+    best, posterior, unsure = decision._certain_of_size(weighed)
+    assert best == (1,)
+    assert set(posterior) == {(), (1,)}
+    assert unsure == {"wind": "the 95 % interval includes the simulator's value: x 0.1 +- 0.5 m/s"}
+
+
+def test_an_effect_that_gave_way_does_not_come_back_for_one_on_its_bound(monkeypatch):
+    """The wind is uncertain; the drag, about as probable, would have to lie on its bound."""
+    monkeypatch.setattr(weighing, "PREDICTED", 0)
+    sets = {(): 0.0, (0,): 20.0, (1,): 19.0}
+    case = SimpleNamespace(evidence=SimpleNamespace(sets=sets, score=sets.__getitem__, allowed=lambda chosen: True),
+                           effects=[SimpleNamespace(term=t, far=False) for t in ("wind", "drag_linear")])
+    case.evidence.effects = case.effects
+    monkeypatch.setattr(weighing.Weighing, "sizes", lambda self, chosen: chosen)
+    monkeypatch.setattr(decision, "_on_bound", lambda case, i, found: i == 1)
+    monkeypatch.setattr(decision, "_certainty", lambda case, i, found: float(i))
+    monkeypatch.setattr(decision, "_uncertain", lambda case, i, found: None if i else "uncertain")
+    best, _, unsure = decision._certain_of_size(weighing.Weighing(case, lambda one, other: 0.0))
+    assert (best, unsure) == ((1,), {"wind": "uncertain"})
+
+
+@pytest.mark.parametrize(("part", "certain"), [([2.2, 0.0], False), ([2.6, 0.0], True), ([1.9, 1.9], False)])
+def test_several_directions_have_to_leave_their_common_region(part, certain):
+    """Two independent directions of unit error: the 95 % region ends at 2.45, the root of 5.99; one alone at 1.96."""
+    model = SimpleNamespace(parameters={"a": 0.0, "b": 0.0}, names=("a", "b"), units=("1", "1"))
+    case = SimpleNamespace(effects=[SimpleNamespace(width=2, map_share=False, far=False, term="x",
+                                                    moves={"a": np.array([1.0, 0.0]), "b": np.array([0.0, 1.0])})],
+                           space=SimpleNamespace(model=model), simulator=SimpleNamespace(parameters={}))
+    found = SimpleNamespace(chosen=(0,), step=np.array(part), covariance=np.eye(2), model=model)
+    assert (decision._certainty(case, 0, found) > 1.0) == certain
+
+
+@pytest.mark.parametrize(("far", "part", "ratio"), [(True, 0.5, 0.75), (True, 1.0, 1.5), (False, 0.1, np.inf)])
+def test_an_effect_far_from_linear_exceeds_what_its_term_may_be_off(far, part, ratio):
+    """0.3 m/s^2 a unit; the term may be off by 0.2 m/s^2."""
+    evidence = SimpleNamespace(unit=np.array([0.3]), spike=np.array([0.2]), columns=lambda chosen: np.array([0]))
+    case = SimpleNamespace(evidence=evidence, effects=[SimpleNamespace(far=far, width=1, term="motor_lag")])
+    found = SimpleNamespace(chosen=(0,), step=np.array([part]))
+    assert decision._over_error(case, 0, found) == pytest.approx(ratio)
+
+
+def test_terms_of_a_family_share_what_flights_show():
+    """A set has one of them: their probabilities add up, and the odds between them are what the flights tell."""
+    by_term = {"thrust_voltage": 0.54, "thrust_scale": 0.26, "mass": 0.17, "thrust_pwm": 0.02, "wind": 0.9}
+    found = decision._of_family("thrust_voltage", by_term)
+    assert set(found) == {"thrust_scale", "mass"}
+    assert found["mass"] == pytest.approx(np.log(0.54 / 0.17))
+    assert set(decision._of_family("mass", by_term)) == {"thrust_scale", "thrust_voltage", "thrust_pwm"}
+
+
+@pytest.mark.parametrize(("terms", "kinds"), [
+    (("mass",), 1), (("mass", "thrust_scale"), 1), (("drag_linear", "drag_rotor", "com_offset", "motor_imbalance"), 2),
+    (("motor_lag", "mass", "rotor_gyro", "thrust_scale"), 3),
+    (("saturation", "thrust_voltage", "inertia", "yaw_torque", "drag_torque", "com_offset", "motor_imbalance"), 5)])
+def test_terms_of_one_family_and_twins_are_one_kind(terms, kinds):
+    """Counted by hand, in any order."""
+    assert {decision.kinds_of(order) for order in (terms, terms[::-1], sorted(terms))} == {kinds}
