@@ -92,6 +92,16 @@ def tuned(gains: Mapping[str, float], weights: Weights, tuning: Tuning, who: str
                     share=(3.0 * k["place_1_s"] * PERIOD_S, tuning.share[1], k["share_attitude"], k["share_rate"])))
 
 
+def about_hover(stages: Call, hover_N: float, states: int) -> tuple[np.ndarray, np.ndarray]:
+    """A (S, S) and B (S, 4) of a step about hover, looking along x, from ``stages_function``; S ``states``."""
+    x, u, ahead, d = stages.given
+    hover = np.zeros(STATES)
+    hover[9], hover[13:] = 1.0, hover_N
+    x[:], u[:], ahead[:], d[:] = hover, hover_N, hover, 0.0
+    _, a, b = stages()
+    return a.reshape(-1, states, states)[0].copy(), b.reshape(-1, 4, states)[0].T.copy()
+
+
 def _ahead_of(held: Reference) -> Callable[[np.ndarray], Reference]:
     """The future of a reference that stays as it is."""
     def ahead(seconds: np.ndarray) -> Reference:
@@ -181,13 +191,7 @@ class Mpc:
 
     def hover_stage(self) -> tuple[np.ndarray, np.ndarray]:
         """A (S, S) and B (S, 4) of a step of ``dt_s`` about hover, looking along x."""
-        x, u, ahead, d = self._stages.given
-        hover = np.zeros(STATES)
-        hover[9], hover[13:] = 1.0, self.hover_N
-        x[:], u[:], ahead[:], d[:] = hover, self.hover_N, hover, 0.0
-        _, a, b = self._stages()
-        s = self.states
-        return a.reshape(-1, s, s)[0].copy(), b.reshape(-1, 4, s)[0].T.copy()
+        return about_hover(self._stages, self.hover_N, self.states)
 
     def _terminal(self) -> np.ndarray:
         """Cost of all that comes after the horizon, by the discrete Riccati equation about hover."""
