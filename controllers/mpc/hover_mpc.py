@@ -15,6 +15,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_discrete_are, solve_triangular
 
 from nanobench_tools import so3
+from nanobench_tools.errors import InputError
 from nanobench_tools.firmware.flatness import body_rates
 from nanobench_tools.firmware.guard import REST_BATTERY_V, Guard
 from nanobench_tools.firmware.motor_output import ARM_M, YAW_ARM_M, MotorOutput
@@ -34,6 +35,7 @@ from .thrust_map import ThrustMap
 PERIOD_S = 0.002
 HORIZON: int = setting("control.hover_mpc.horizon")
 STEP_S = number("control.hover_mpc.step_s")
+ITERATIONS: int = setting("control.hover_mpc.iterations")
 TOLERATED_INTEGRAL = setting("control.hover_mpc.tolerated_integral")
 LIMITS = setting("control.hover_mpc.limits")
 INTEGRALS, STATES = 4, ERRORS + 4
@@ -43,6 +45,9 @@ LEAST_MARGIN = 1.01
 MIXER = np.array([[1.0, 1.0, 1.0, 1.0], [-ARM_M, -ARM_M, ARM_M, ARM_M], [-ARM_M, ARM_M, ARM_M, -ARM_M],
                   [-YAW_ARM_M, YAW_ARM_M, -YAW_ARM_M, YAW_ARM_M]])
 """(4, 4): thrusts of motors -> what the firmware's force-torque mixer turns back into them, N and N m."""
+
+LAYOUT = np.array([[1, -1, -1], [-1, -1, 1], [-1, 1, -1], [1, 1, 1]])
+"""Signs of x, y and spin of the firmware's motors."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +62,10 @@ class Program:
     free: np.ndarray
 
     def normalised(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As DAQP solves it: the inverse of the upper Cholesky factor of H with rows of length one (4 N, 4 N), the
-        reciprocal lengths (4 N,), and ``free`` scaled by these."""
+        """As DAQP solves it: inverse of the upper Cholesky factor of H (4 N, 4 N), scale (4 N,) and scaled ``free``.
+
+        The scale makes the rows of the inverse have length one.
+        """
         inverse = solve_triangular(cholesky(self.h), np.eye(len(self.h)))
         scale = 1.0 / np.linalg.norm(inverse, axis=1)
         return inverse * scale[:, None], scale, self.free * scale[:, None]
@@ -84,10 +91,20 @@ class HoverVehicle:
     velocity_1_s: np.ndarray
     most_integral: np.ndarray
 
+    @property
+    def motor_share(self) -> float:
+        """Of a command, what a rotor follows in a period."""
+        return 1.0 if self.motor_tau_s == 0.0 else 1.0 - float(np.exp(-PERIOD_S / self.motor_tau_s))
+
 
 def _hovering(model: Model, weights: Weights) -> tuple[Program, HoverVehicle]:
     """Both of a model without delay."""
-    made, g = Equations4(model), model.vehicle.gravity_m_s2
+    v = model.vehicle
+    layout = np.column_stack([np.array(v.motor_positions_m)[:, :2], v.spin])
+    if layout.shape != LAYOUT.shape or (np.sign(layout) != LAYOUT).any():
+        raise InputError("model", "its motors are not in the order of the Crazyflie", "give front right, back right, "
+                         "back left, front left, of which the first turns counter-clockwise (spin -1)")
+    made, g = Equations4(model), v.gravity_m_s2
     hover_N = 0.25 * made.mass_kg * g
     a, b = about_hover(Call(stages_function(model, 1, STEP_S, ERRORS)), hover_N, ERRORS)
     slope = _through_air(made, hover_N)
@@ -136,8 +153,9 @@ def _condensed(a: np.ndarray, b: np.ndarray, q: np.ndarray, r: np.ndarray) -> Pr
 class HoverMpc:
     """Full references in, motor PWM out, at 500 Hz. Raises InputError for a model whose input is not PWM.
 
-    ``thrust_N`` (n, 4): the last thrusts of the motors. ``guard`` counts replaced inputs, ``counts`` commands whose
-    program met a bound (``bounded``), and those without a solution (``solver``).
+    ``thrust_N`` (n, 4): the last thrusts of the motors. ``guard`` counts replaced inputs. ``counts``: commands whose
+    program met a bound (``bounded``), and those of them that needed more than ITERATIONS (``solver``). These are the
+    answer without bounds, clipped.
     """
 
     name = "mpc_hover"
@@ -148,7 +166,7 @@ class HoverMpc:
     def __init__(self, model: Model | None = None, weights: Weights | None = None) -> None:
         model = model or default_model()
         self.model = model.without("command_delay") if "command_delay" in model else model
-        self._solver = Daqp()
+        self._solver = Daqp(ITERATIONS)
         self.program, self.vehicle = _hovering(self.model, weights or Weights())
 
     def reset(self, n: int) -> None:
@@ -168,7 +186,7 @@ class HoverMpc:
         bounds = np.stack([np.full(len(e), LEAST_MARGIN * THRUST_MIN_N), thrust_of_voltage(self._motors.filtered_V)])
         bounds = (v.thrust_scale * bounds[:, :, None] - forward_N) / UNIT_N
         self.thrust_N = forward_N + UNIT_N * np.stack([self._solve(e[i], *bounds[:, i]) for i in range(len(e))])
-        self._rotor_N += (1.0 - np.exp(-PERIOD_S / v.motor_tau_s)) * (self.thrust_N - self._rotor_N)
+        self._rotor_N += v.motor_share * (self.thrust_N - self._rotor_N)
         wrench = self.thrust_N / v.thrust_scale @ MIXER.T
         self._wrench["thrust_N"], self._wrench["torque_N_m"] = wrench[:, 0], wrench[:, 1:]
         return self.guard.release(self._motors(self._wrench, state.battery_V))
@@ -185,7 +203,8 @@ class HoverMpc:
         away, faster = part * away, part * faster
         q = so3.multiply(so3.conjugate(target), state.quaternion)
         turn = np.clip(2.0 * np.where(q[:, 3:] < 0.0, -1.0, 1.0) * q[:, :3], -turned_rad, turned_rad)
-        self._integral += PERIOD_S * np.column_stack([away, turn[:, 2]])
+        free = np.column_stack([part == 1.0, np.ones(len(part))])  # no windup
+        self._integral += PERIOD_S * free * np.column_stack([away, turn[:, 2]])
         self._integral = np.clip(self._integral, -v.most_integral, v.most_integral)
         yaw = reference.yaw_rad
         return np.column_stack([_level(away, yaw), _level(faster, yaw), turn, state.rate_rad_s - rate,

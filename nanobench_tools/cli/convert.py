@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 FORMATS = ("nanobench", "parquet", "tum", "euroc", "kitti", "rpg", "rrd")
 SIMULATORS = ("rotorpy", "crazyflow", "urdf", "c", "casadi")
+FIRMWARE_APP = "firmware-app"
+"""A controller for the vehicle itself."""
 ONE_TIME = ("nanobench",)
 """Formats in which all streams share one column of time."""
 ALL = "all-simulators"
@@ -30,12 +32,13 @@ ALL = "all-simulators"
 
 @click.command()
 @shared_options("seed", "clock")
-@click.option("--to", type=click.Choice([*FORMATS, *SIMULATORS, ALL]), default="nanobench", show_default=True,
-              metavar="FORMAT",
+@click.option("--to", type=click.Choice([*FORMATS, *SIMULATORS, ALL, FIRMWARE_APP]), default="nanobench",
+              show_default=True, metavar="FORMAT",
               help="Recordings: nanobench (CSV with its sheet), parquet (a file per stream, SI units), or rrd (for the "
                    "Rerun viewer). Their mocap trajectory: tum, euroc or kitti (all for evo), or rpg. SIMULATOR.toml: "
                    "rotorpy, "
-                   f"crazyflow (also drone-models), urdf (gym-pybullet-drones), c, casadi, or {ALL}.")
+                   f"crazyflow (also drone-models), urdf (gym-pybullet-drones), c, casadi, or {ALL}. "
+                   f"{FIRMWARE_APP}: a predictive controller for this vehicle, as C for the Crazyflie firmware.")
 @click.option("--mocap", type=click.Path(path_type=Path), metavar="FILE",
               help="Motion capture of the same flight, recorded on a separate clock (TUM, or any known format). Its "
                    "time offset is found from the turning rates.")
@@ -52,6 +55,7 @@ def convert(options: Options, to: str, mocap: Path | None, battery_V: float | No
     nanobench convert log.bin --mocap traj.tum --out csv    the same, with its motion capture
     nanobench convert flight.csv --to rrd --out DIR        to look at in Rerun: path, attitude, signals, faults
     nanobench convert simulator.toml --to rotorpy --out DIR        a fitted vehicle for RotorPy
+    nanobench convert simulator.toml --to firmware-app --out DIR   a controller to build with the firmware
     """
     if options.out is None:
         raise UsageError("nanobench convert: --out DIR is needed")
@@ -134,6 +138,8 @@ def _convert_simulator(options: Options, path: Path | None, to: str, mocap: Path
         raise UsageError("nanobench convert: other paths and --mocap do not go with a SIMULATOR.toml")
     given = replace(Assumed(), **{name: value for name, value in assumed.items() if value is not None})
     model = read_simulator(path)
+    if to == FIRMWARE_APP:
+        return _convert_to_app(options, path, model, assumed)
     found = export_simulators(model, options.out, SIMULATORS if to == ALL else (to,), given)
     at_hover, said = _hover(model, given.battery_V)
     close(options, f"{path} written for {', '.join(found)} to {options.out}", "fly this vehicle, simulated",
@@ -141,6 +147,21 @@ def _convert_simulator(options: Options, path: Path | None, to: str, mocap: Path
           screen=[_accounts(found), *said], detail=[*_accounts_in_full(found), *said])
     return options.finish("convert", {"to": to, "simulator": str(path), "hover": at_hover,
                                       **exported_body(found)})
+
+
+def _convert_to_app(options: Options, path: Path, model: Model, assumed: dict[str, float | None]) -> int:
+    from controllers.mpc.hover_app import costs, write_app
+
+    if any(value is not None for value in assumed.values()):
+        raise UsageError(f"nanobench convert: --battery and --k-f do not go with --to {FIRMWARE_APP}")
+    found = {FIRMWARE_APP: write_app(model, options.out or Path())}
+    least, *_, most = costs()
+    said = (f"ESTIMATE of a command on the vehicle: {least.milliseconds:.2f} ms, and {most.milliseconds:.2f} ms where "
+            "many motors meet bounds. Never compiled against the firmware itself: test it on a tether")
+    close(options, f"{path} written as a controller of the Crazyflie firmware to {options.out}", "build it",
+          "make", "-C", options.out, "CRAZYFLIE_BASE=/path/to/crazyflie-firmware",
+          screen=[_accounts(found), said], detail=[*_accounts_in_full(found), said])
+    return options.finish("convert", {"to": FIRMWARE_APP, "simulator": str(path), **exported_body(found)})
 
 
 def _accounts(found: Mapping[str, Exported]) -> Table:

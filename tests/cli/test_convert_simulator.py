@@ -105,3 +105,22 @@ def test_a_wrong_line_of_the_file_is_named(nanobench, simulator, tmp_path):
     code, _, err = nanobench("convert", simulator, "--to", "rotorpy", "--out", tmp_path / "o")
     assert code == 2
     assert "key k_m" in err
+
+
+def test_a_controller_for_the_firmware(nanobench, simulator, tmp_path):
+    write_simulator(Model(Vehicle(), {**TERMS, "command_delay": {"delay_s": 0.02}}), simulator)
+    code, shown, err = nanobench("convert", simulator, "--to", "firmware-app", "--out", tmp_path / "app")
+    assert (code, err) == (0, "")
+    assert "ESTIMATE" in shown
+    body = json.loads((tmp_path / "app" / "convert.json").read_text())["simulators"]["firmware-app"]
+    assert "command_delay" in body["left_out"]
+    assert "motor_lag" in body["approximated"]
+    for name in ("Kbuild", "app-config", "Makefile", "README.md", "src/vehicle_parameters.h", "src/daqp/LICENSE"):
+        assert (tmp_path / "app" / name).is_file()
+    turned = Model(Vehicle(spin=(1.0, -1.0, 1.0, -1.0)), TERMS)
+    write_simulator(turned, simulator)
+    code, _, err = nanobench("convert", simulator, "--to", "firmware-app", "--out", tmp_path / "no")
+    assert code != 0
+    assert "not in the order of the Crazyflie" in err
+    assert len(err.strip().splitlines()) == 1
+    assert not (tmp_path / "no").exists()
