@@ -21,8 +21,8 @@ from nanobench_tools.practice.references import path_spec
 from nanobench_tools.practice.rigid_bodies import QUATERNION, RATE, THRUST, VELOCITY, Plant
 from nanobench_tools.practice.vehicle_parameters import draw_vehicles
 
-NAMES = ("geometric", "lead_pid", "lqr", "mellinger_full", "onboard_mellinger", "onboard_pid")
-PREVIEW = ("geometric", "lqr", "mellinger_full")
+NAMES = ("geometric", "lead_pid", "lqr", "mellinger_full", "mpc_hover", "onboard_mellinger", "onboard_pid")
+PREVIEW = ("mpc_hover", "geometric", "lqr", "mellinger_full")
 PREDICTIVE = ("mpc_daqp", "mpc_osqp", "nmpc")
 """These have tests of their own beside this file."""
 HOVER_RATIO = 0.78
