@@ -6,6 +6,7 @@ numbers of the vehicle and gains for its slow motors.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -14,6 +15,7 @@ import numpy as np
 from nanobench_tools.firmware import lee
 from nanobench_tools.firmware.onboard import Lee
 from nanobench_tools.methods import Reference, VehicleState
+from nanobench_tools.physics import Model
 from nanobench_tools.physics.vehicle import Vehicle
 from nanobench_tools.settings import number, setting
 
@@ -27,22 +29,36 @@ DRAG_1_S = setting("control.geometric.drag_1_s")
 ROTATION_1_S2 = setting("control.geometric.rotation_1_s2")
 RATE_1_S = setting("control.geometric.rate_1_s")
 TURN_INTEGRAL_1_S3 = setting("control.geometric.turn_integral_1_s3")
-"""Per unit of inertia. Motors of 45 ms leave a rate loop about 20 rad/s."""
+"""Per unit of inertia."""
+LAG_S = number("control.geometric.lag_s")
+"""Lag of the motors for which these gains are."""
 ERROR_LIMITS = setting("control.geometric.error_limits")
 
 
-TUNABLE = {
-    "position_level": around(POSITION_1_S2[0], "1/s^2"), "position_up": around(POSITION_1_S2[2], "1/s^2"),
-    "velocity_level": around(VELOCITY_1_S[0], "1/s"), "velocity_up": around(VELOCITY_1_S[2], "1/s"),
-    "integral_level": around(INTEGRAL_1_S3[0], "1/s^3"), "integral_up": around(INTEGRAL_1_S3[2], "1/s^3"),
-    "rotation_tilt": around(ROTATION_1_S2[0], "1/s^2"), "rotation_yaw": around(ROTATION_1_S2[2], "1/s^2"),
-    "rate_tilt": around(RATE_1_S[0], "1/s"), "rate_yaw": around(RATE_1_S[2], "1/s")}
+def tunable_for(lag_s: float) -> dict[str, Gain]:
+    """Gains for motors with this lag [s]. Motors slower than LAG_S need more damping of rates, a slower position loop
+    and slower integrals; faster ones fly with the same gains."""
+    slow = min(1.0, math.sqrt(LAG_S / max(lag_s, LAG_S)))
+    return {
+        "position_level": around(slow * POSITION_1_S2[0], "1/s^2"), "position_up": around(POSITION_1_S2[2], "1/s^2"),
+        "velocity_level": around(math.sqrt(slow) * VELOCITY_1_S[0], "1/s"),
+        "velocity_up": around(VELOCITY_1_S[2], "1/s"),
+        "integral_level": around(slow * INTEGRAL_1_S3[0], "1/s^3"), "integral_up": around(INTEGRAL_1_S3[2], "1/s^3"),
+        "rotation_tilt": around(ROTATION_1_S2[0], "1/s^2"), "rotation_yaw": around(ROTATION_1_S2[2], "1/s^2"),
+        "rate_tilt": around(RATE_1_S[0] / slow, "1/s"), "rate_yaw": around(RATE_1_S[2], "1/s"),
+        "turn_integral": around(slow**2 * TURN_INTEGRAL_1_S3[0], "1/s^3")}
 
 
-def parameters(vehicle: Vehicle, gains: Mapping[str, float] | None = None) -> np.ndarray:
-    """(1,) PARAMETERS of the firmware's controller for a vehicle; ``gains`` by the names of TUNABLE."""
+def slowest_lag_s(model: Model) -> float:
+    """Of its motors, up or down, which decides what is stable; LAG_S for a model without a lag."""
+    return max([LAG_S, *model.values_of("motor_lag").values()]) if "motor_lag" in model else LAG_S
+
+
+def parameters(vehicle: Vehicle, gains: Mapping[str, float] | None = None, lag_s: float = LAG_S) -> np.ndarray:
+    """(1,) PARAMETERS of the firmware's controller for a vehicle with motors of this lag; ``gains`` by the names of
+    ``tunable_for``."""
     found = lee.defaults()
-    k = whole(TUNABLE, gains, "geometric")
+    k = whole(tunable_for(lag_s), gains, "geometric")
 
     def three(name: str, other: str) -> tuple[float, float, float]:
         first = k[f"{name}_{'tilt' if other == 'yaw' else 'level'}"]
@@ -54,7 +70,7 @@ def parameters(vehicle: Vehicle, gains: Mapping[str, float] | None = None) -> np
     found["ki_1_s3"] = three("integral", "up")
     found["error_limit_m"], found["error_limit_m_s"] = ERROR_LIMITS
     found["k_rotation_N_m"], found["k_rate_N_m_s"] = inertia * three("rotation", "yaw"), inertia * three("rate", "yaw")
-    found["k_integral_N_m_s"] = inertia * TURN_INTEGRAL_1_S3
+    found["k_integral_N_m_s"] = inertia * (k["turn_integral"], k["turn_integral"], TURN_INTEGRAL_1_S3[2])
     return found
 
 
@@ -62,12 +78,12 @@ class Geometric(Lee):
     """Geometric control on SE(3): full references in (position to jerk, yaw and its rate), motor PWM out, at 500 Hz."""
 
     name = "geometric"
-    tunable: Mapping[str, Gain] = TUNABLE
+    tunable: Mapping[str, Gain] = tunable_for(LAG_S)
 
     def __init__(self, vehicle: Vehicle | None = None, thrust_scale: float = THRUST_SCALE,
-                 gains: Mapping[str, float] | None = None) -> None:
-        super().__init__(parameters(vehicle or Vehicle(), gains))
-        self.thrust_scale = thrust_scale
+                 gains: Mapping[str, float] | None = None, lag_s: float = LAG_S) -> None:
+        super().__init__(parameters(vehicle or Vehicle(), gains, lag_s))
+        self.thrust_scale, self.tunable = thrust_scale, tunable_for(lag_s)
 
     def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
         """PWM ratios (n, 4), finite and within 0..1 for any input; drag along the reference is fed forward."""

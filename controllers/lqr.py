@@ -27,7 +27,7 @@ from .gains import Gain, around, whole
 from .geometric import DRAG_1_S, THRUST_SCALE
 
 PERIOD_S = 0.002
-MOTOR_TAU_S = number("control.lqr.motor_tau_s")
+LAG_S = number("control.lqr.lag_s")
 INTEGRAL, POSITION, VELOCITY, TURN, RATE = (slice(3 * k, 3 * k + 3) for k in range(5))
 STATES, INPUTS = 19, 4
 
@@ -38,8 +38,9 @@ LEAST_LIFT = 0.1
 """Of g: minimum vertical thrust command, so that no vehicle is upside down."""
 
 
-def model(vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
-    """A (19, 19) and B (19, 4) of the error in continuous time about hover; inputs thrust [N], moments [N m]."""
+def model(vehicle: Vehicle, lag_s: float = LAG_S) -> tuple[np.ndarray, np.ndarray]:
+    """A (19, 19) and B (19, 4) of the error in continuous time about hover; inputs thrust [N], moments [N m].
+    ``lag_s``: of the motors."""
     a, b = np.zeros((STATES, STATES)), np.zeros((STATES, INPUTS))
     eye = np.eye(3)
     a[INTEGRAL, POSITION] = a[POSITION, VELOCITY] = a[TURN, RATE] = eye
@@ -48,8 +49,8 @@ def model(vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
     a[6, 10], a[7, 9] = g, -g
     a[8, 15] = 1.0 / vehicle.mass_kg
     a[RATE, 16:] = np.diag(1.0 / np.array(vehicle.inertia_kg_m2))
-    a[15:, 15:] = -np.eye(4) / MOTOR_TAU_S
-    b[15:] = np.eye(4) / MOTOR_TAU_S
+    a[15:, 15:] = -np.eye(4) / lag_s
+    b[15:] = np.eye(4) / lag_s
     return a, b
 
 
@@ -70,13 +71,13 @@ def weights(gains: Mapping[str, float] | None = None) -> tuple[np.ndarray, np.nd
     return np.array(TOLERATED) * errors, np.array(EFFORT) * efforts
 
 
-def gain(vehicle: Vehicle, gains: Mapping[str, float] | None = None) -> np.ndarray:
+def gain(vehicle: Vehicle, gains: Mapping[str, float] | None = None, lag_s: float = LAG_S) -> np.ndarray:
     """K (4, 19) of u = -K x at PERIOD_S. Raises UsageError without the ``control`` package."""
     try:
         import control
     except ImportError as error:
         raise UsageError(f"controller 'lqr' needs the package control; {how_to_install('control')}") from error
-    a, b = model(vehicle)
+    a, b = model(vehicle, lag_s)
     system = control.c2d(control.ss(a, b, np.eye(STATES), 0.0), PERIOD_S)
     errors, efforts = weights(gains)
     costs = np.diag([*(1.0 / np.square(errors[:15])), *(1e-6,) * 4])
@@ -93,9 +94,9 @@ class Lqr:
     tunable: Mapping[str, Gain] = TUNABLE
 
     def __init__(self, vehicle: Vehicle | None = None, thrust_scale: float = THRUST_SCALE,
-                 gains: Mapping[str, float] | None = None) -> None:
-        self.vehicle, self.thrust_scale = vehicle or Vehicle(), thrust_scale
-        self._gain = gain(self.vehicle, gains)
+                 gains: Mapping[str, float] | None = None, lag_s: float = LAG_S) -> None:
+        self.vehicle, self.thrust_scale, self.lag_s = vehicle or Vehicle(), thrust_scale, lag_s
+        self._gain = gain(self.vehicle, gains, lag_s)
 
     def reset(self, n: int) -> None:
         self.guard = Guard(n, PERIOD_S)
@@ -117,7 +118,7 @@ class Lqr:
         x = np.concatenate([self._integral, away, faster, turn, state.rate_rad_s - rate, self._left], axis=1)
         u = -x @ self._gain.T
         u[:, 0] = np.clip(u[:, 0], -length_N, 4.0 * length_N)
-        self._left += PERIOD_S / MOTOR_TAU_S * (u - self._left)
+        self._left += PERIOD_S / self.lag_s * (u - self._left)
         self._wrench["thrust_N"] = (length_N + u[:, 0]) / self.thrust_scale
         self._wrench["torque_N_m"] = u[:, 1:] / self.thrust_scale
         return self.guard.release(self._motors(self._wrench, state.battery_V))

@@ -52,7 +52,7 @@ class Daqp:
     """A dual active-set method (Arnstrom, Bemporad, Axehill 2022, doi:10.1109/TAC.2022.3176430): exact,
     within so many ``iterations``."""
 
-    def __init__(self, iterations: int = MOST_ITERATIONS) -> None:
+    def __init__(self, iterations: int | None = None) -> None:
         self._solve, self._iterations = import_solver("daqp").solve, iterations
         self._kinds: dict[tuple[int, int], np.ndarray] = {}
         self.multipliers: np.ndarray | None = None
@@ -70,8 +70,8 @@ class Daqp:
         if start is not None and more:
             start = np.concatenate([start[:len(g)], np.zeros(more)])
         # it writes which bounds were active into the kinds
-        z, _, flag, info = self._solve(h, g, rows, high, low, kind.copy(), iter_limit=self._iterations,
-                                       dual_start=start, rho_soft=MISSED**2)
+        z, _, flag, info = self._solve(h, g, rows, high, low, kind.copy(), dual_start=start, rho_soft=MISSED**2,
+                                       iter_limit=self._iterations or MOST_ITERATIONS)
         self.multipliers = info["lam"][:len(g)]
         return z if flag in SOLVED and np.isfinite(z).all() else None
 

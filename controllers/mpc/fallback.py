@@ -12,7 +12,7 @@ from nanobench_tools.methods import Reference, VehicleState
 from nanobench_tools.physics.vehicle import Vehicle
 from nanobench_tools.settings import number
 
-from ..geometric import Geometric
+from ..geometric import LAG_S, Geometric
 
 PLAN_S = 0.2
 """The last plan is flown for so long, or to its end if that comes first."""
@@ -28,7 +28,7 @@ EMPTY_S = number("control.fallback.empty_s")
 class Fallback:
     """Of n vehicles. ``counts``: vehicle-steps flown by each stage, and those in which the battery was too low."""
 
-    def __init__(self, n: int, period_s: float, vehicle: Vehicle) -> None:
+    def __init__(self, n: int, period_s: float, vehicle: Vehicle, lag_s: float = LAG_S) -> None:
         self.period_s = period_s
         self.counts = {"plan": 0, "geometric": 0, "land": 0, "empty": 0}
         self.missing_s, self._empty_s = np.zeros((2, n))
@@ -36,7 +36,7 @@ class Fallback:
         self._whole = False  # whether every vehicle has a fresh plan
         self._calm = True  # whether none is without a plan, on an empty battery or landing
         self._place, self._yaw = np.zeros((n, 3)), np.zeros(n)
-        self._geometric = Geometric(vehicle)
+        self._geometric = Geometric(vehicle, lag_s=lag_s)
         self._geometric.reset(n)
         self._motors = MotorOutput(n, period_s)
         self._geometric.drive_with(self._motors)

@@ -25,6 +25,7 @@ from nanobench_tools.settings import number, setting
 from nanobench_tools.slices import put
 
 from ..gains import Gain, around, whole
+from ..geometric import slowest_lag_s
 from .casadi_code import Call, SolverFailure
 from .delay import UnderWay
 from .disturbance import Observer, Tuning
@@ -224,7 +225,7 @@ class Mpc:
             self._rehearse()
         self.n = n
         self.guard = Guard(n, self.period_s, OUTAGE_S)
-        self.fallback = Fallback(n, self.period_s, self.model.vehicle)
+        self.fallback = Fallback(n, self.period_s, self.model.vehicle, slowest_lag_s(self.model))
         self.counts = {"solver": 0, "stale": 0, "time": 0, "started": 0, "future": 0}
         self.observer.reset(n, self.hover_N)
         self._way = UnderWay(n, self.period_s, self.delay_s, np.full(4, self.hover_N))

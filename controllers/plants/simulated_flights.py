@@ -3,7 +3,7 @@ them.
 
 Every vehicle hovers where its path begins, the path starts HOVER_S later, and SETTLED_S after that scoring begins. The
 same plants, air and noise for every controller. Controllers that accept a vehicle get the identified one, never the
-single plants. They accept ``model``, or ``vehicle`` and ``thrust_scale``.
+single plants. They accept ``model``, or ``vehicle``, ``thrust_scale`` and ``lag_s``.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from nanobench_tools.protocols.simulated import (
     score,
 )
 
+from ..geometric import slowest_lag_s
 from .closed_loop import Flown, fly
 from .ensemble import Ensemble, draw
 from .kalman_senses import Onboard
@@ -62,6 +63,8 @@ def made(name: str, model: Model, radio_s: float = 0.0, gains: Mapping[str, floa
         given["vehicle"] = model.on(inertia_kg_m2=inertia).vehicle
     if "thrust_scale" in known and "thrust_scale" in model:
         given["thrust_scale"] = model.values_of("thrust_scale")["s"]
+    if "lag_s" in known:
+        given["lag_s"] = slowest_lag_s(model)
     if "delay_s" in known and not getattr(kind, "on_board", False):
         named = float(model.values_of("command_delay")["delay_s"]) if "command_delay" in model else 0.0
         given["delay_s"] = named + radio_s
