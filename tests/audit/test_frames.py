@@ -13,6 +13,7 @@ from nanobench_tools import so3
 from nanobench_tools.auditing.fault_events import events_of
 from nanobench_tools.auditing.faults import axis_swap, body_frame, frame, quaternion_order, sign
 from nanobench_tools.auditing.recording_audit import audit
+from nanobench_tools.flight import Span
 from nanobench_tools.signals.context import Context
 from nanobench_tools.signals.stream_frames import IMU, ROTATIONS
 from nanobench_tools.sources.axes import frame_of, in_our_axes
@@ -75,7 +76,8 @@ def following(flight, stream, advice):
 
 @pytest.fixture(scope="module")
 def flown(crowd):
-    return {name: crowd.log(name)[0] for name in ("fast figure_eight", "star", "slow trefoil", "helix", "circle")}
+    names = ("fast figure_eight", "star", "slow trefoil", "helix", "circle")
+    return {name: crowd.log(name)[0].during(Span(0.0, 18.0)) for name in names}
 
 
 @pytest.mark.parametrize("name", ["fast figure_eight", "star", "slow trefoil", "helix", "circle"])

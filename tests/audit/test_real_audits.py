@@ -15,9 +15,20 @@ from nanobench_tools.sources import load_recordings
 pytestmark = pytest.mark.real
 
 @pytest.fixture(scope="module")
-def recordings(real_data):
+def every(real_data):
+    """All recordings by name."""
     loaded = load_recordings([real_data / "nanobench" / "datasets"])
     assert not loaded.failed
+    return {flight.name: flight for flight in loaded.flights}
+
+
+@pytest.fixture(scope="module")
+def recordings(real_data):
+    """Eight of them."""
+    folder = real_data / "nanobench" / "datasets" / "dataset"
+    loaded = load_recordings([folder / f"{name}.csv.xz" for name in EIGHT])
+    assert not loaded.failed
+    assert {flight.name for flight in loaded.flights} == set(EIGHT)
     return {flight.name: flight for flight in loaded.flights}
 
 
@@ -28,25 +39,26 @@ def verdicts(recordings, audited):
 
 
 @pytest.fixture(scope="module", params=["8", pytest.param("all", marks=pytest.mark.slow)])
-def many(request, recordings, audited):
+def many(request, audited):
     """Of 8 recordings, or of all."""
     if request.param == "8":
         return request.getfixturevalue("verdicts")
-    return {name: audited(flight) for name, flight in recordings.items()}
+    return {name: audited(flight) for name, flight in request.getfixturevalue("every").items()}
 
 
 @pytest.mark.parametrize("name", [name if name in EIGHT else pytest.param(name, marks=pytest.mark.slow)
                                   for name in STOPPED])
-def test_ends_of_logs_that_stopped(recordings, audited, name):
-    dead = {f.stream: f for f in audited(recordings[name]).faults if f.kind == "dead_stream"}
+def test_ends_of_logs_that_stopped(request, audited, name):
+    flights = request.getfixturevalue("recordings" if name in EIGHT else "every")
+    dead = {f.stream: f for f in audited(flights[name]).faults if f.kind == "dead_stream"}
     for stream in ("imu", "motor", "estimator", "estimator_acc", "attitude", "attitude_qw", "setpoint", "pid"):
         assert abs(dead[stream].start_s - STOPPED[name]) < 0.1
     assert -1.1 < dead["battery"].start_s - STOPPED[name] < 0.1
 
 
 @pytest.mark.slow
-def test_no_other_log_stops_before_its_last_half_second(recordings, many):
-    groups = find_copies(list(recordings.values()))
+def test_no_other_log_stops_before_its_last_half_second(every, many):
+    groups = find_copies(list(every.values()))
     stopped = {name for group in groups if STOPPED.keys() & set(group) for name in group}
     for name, verdict in many.items():
         dead = [f for f in verdict.faults if f.kind == "dead_stream" and f.stream != "battery"]
@@ -55,8 +67,8 @@ def test_no_other_log_stops_before_its_last_half_second(recordings, many):
 
 
 @pytest.mark.slow
-def test_copies_and_slices(recordings, real_data):
-    groups = {frozenset(g) for g in find_copies(list(recordings.values()))}
+def test_copies_and_slices(every, real_data):
+    groups = {frozenset(g) for g in find_copies(list(every.values()))}
     assert groups == {
         frozenset({"B9_trefoil_fast_rep3", "B9_trefoil_fast_rep15"}),
         frozenset({"B9_trefoil_medium_rep3", "B9_trefoil_medium_rep7"}),
@@ -64,9 +76,9 @@ def test_copies_and_slices(recordings, real_data):
         frozenset({"B9_trefoil_slow_rep2", "B9_trefoil_slow_rep8"}),
     }
     slices = load_recordings([real_data / "nanobench" / "benchmarks" / "task3_stateEst"]).flights
-    both = [*recordings.values(), *slices]
+    both = [*every.values(), *slices]
     sliced = {i for i, _ in parts(both)}
-    assert sliced == set(range(len(recordings), len(both)))
+    assert sliced == set(range(len(every), len(both)))
 
 
 def test_controllers(many):
@@ -136,8 +148,8 @@ def summary(verdict, shift_s=0.0):
 
 
 @pytest.mark.parametrize("name", ["B9_trefoil_fast_rep5", pytest.param("B5_helix_rep1", marks=pytest.mark.slow)])
-def test_a_shift_of_all_stamps_changes_nothing_else(recordings, audited, name):
-    flight = recordings[name]
+def test_a_shift_of_all_stamps_changes_nothing_else(request, audited, name):
+    flight = request.getfixturevalue("recordings" if name in EIGHT else "every")[name]
     before = audited(flight)
     time_s = flight["mocap"].time_s + 1000.0
     moved = replace(flight, streams={n: replace(s, time_s=time_s) for n, s in flight.streams.items()})

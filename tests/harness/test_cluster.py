@@ -2,6 +2,7 @@
 
 import os
 import signal
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -10,12 +11,14 @@ from harness_work import fail, scores
 from nanobench_tools import UsageError
 from nanobench_tools.harness import make_item, run_items
 
-distributed = pytest.importorskip("distributed")
-dask = pytest.importorskip("dask")
+pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="distributed is not installed")
 
 
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory):
+    import dask  # a second of every test process if it were imported above
+    import distributed
+
     place = str(tmp_path_factory.mktemp("dask"))
     with dask.config.set({"temporary-directory": place}), distributed.LocalCluster(
             n_workers=2, threads_per_worker=2, host="127.0.0.1", dashboard_address=":0", silence_logs=50,
@@ -37,10 +40,12 @@ def test_a_cluster_gives_the_same_result_as_this_process(cluster, tmp_path):
 
 @pytest.mark.slow
 def test_a_worker_killed_in_the_middle_costs_no_item(cluster, tmp_path):
+    from distributed import Client
+
     gate = tmp_path / "gate"
     items = scores(16, gate=str(gate))
     victim = next(iter(cluster.scheduler_info["workers"]))
-    with distributed.Client(cluster.scheduler_address, set_as_default=False) as client:
+    with Client(cluster.scheduler_address, set_as_default=False) as client:
         pid = client.submit(os.getpid, workers=[victim], pure=False).result()
 
     class KillAfterFour:

@@ -18,6 +18,8 @@ PICTURES = ("usable", "flight", "task1", "wander", "speed", "deadlogs", "bands",
 ARGUMENTS = ["--no-sandbox"]
 NASTY = "third <script>alert(1)</script> & \"Ü☃\" 50%"
 PHONE, DESK = (390, 844), (1400, 900)
+PATIENCE_MS = 600_000
+"""Limit of every wait for the browser: a busy machine is slow, not wrong."""
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +35,7 @@ def browser():
             pytest.fail(said)
         pytest.skip(said)
     with sync_playwright() as driver:
-        instance = driver.chromium.launch(executable_path=binary, args=ARGUMENTS)
+        instance = driver.chromium.launch(executable_path=binary, args=ARGUMENTS, timeout=PATIENCE_MS)
         yield instance
         instance.close()
 
@@ -50,13 +52,14 @@ class Page:
 
     def __init__(self, browser, path, size=DESK, fragment="", **context):
         self.context = browser.new_context(viewport={"width": size[0], "height": size[1]}, **context)
+        self.context.set_default_timeout(PATIENCE_MS)
         self.page = self.context.new_page()
         self.trouble = []
         self.page.on("console", lambda m: self.trouble.append(m.text) if m.type == "error" else None)
         self.page.on("pageerror", lambda e: self.trouble.append(str(e)))
         self.page.on("dialog", lambda d: (self.trouble.append("a dialog"), d.dismiss()))
         self.context.route("**/*", self._gate)
-        self.page.goto(path.as_uri() + fragment, timeout=120_000)  # a busy machine is slow, not wrong
+        self.page.goto(path.as_uri() + fragment)
         self.wait()
 
     def _gate(self, route):
@@ -67,7 +70,7 @@ class Page:
             route.abort()
 
     def wait(self):
-        self.page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
+        self.page.wait_for_selector("html[data-ready]", state="attached")
 
     def choose(self, name):
         self.page.select_option("#chosen", label=name)
@@ -77,7 +80,7 @@ class Page:
     def seen(self, picture):
         """Scrolls to a picture, which is drawn then."""
         self.page.locator(f"#fig-{picture}").scroll_into_view_if_needed()
-        self.page.wait_for_selector(f"#fig-{picture}[data-drawn]", timeout=60_000)
+        self.page.wait_for_selector(f"#fig-{picture}[data-drawn]")
         return self
 
     def ink(self, picture):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from nanobench_tools.physics import Model, Vehicle, numeric
 from nanobench_tools.physics.hover import hover, row_of, state_of
 from nanobench_tools.physics.linear import linear_names, linearize, matrices
 
-control = pytest.importorskip("control")
+pytestmark = pytest.mark.skipif(find_spec("control") is None, reason="control is not installed")
 
 J, K_M, TAU_S = (1.6e-5, 1.8e-5, 3e-5), 0.0065, 0.05
 MODEL = Model(Vehicle(mass_kg=0.04, inertia_kg_m2=J, input="thrust"), {

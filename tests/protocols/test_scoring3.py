@@ -9,6 +9,7 @@ from nanobench_tools import Estimate, so3
 from nanobench_tools.flight import make_stream
 from nanobench_tools.metrics import trajectory
 from nanobench_tools.protocols import task3
+from nanobench_tools.sources.discover import load_recordings
 
 
 def test_a_late_estimate_scores_what_it_should():
@@ -96,16 +97,15 @@ def test_streams_with_other_stamps_are_interpolated():
 
 
 @pytest.mark.real
-def test_scores_agree_with_evo_on_a_real_flight(real):
+def test_scores_agree_with_evo_on_a_real_flight(real_data, audits_of):
     from evo.core import metrics
     from evo.core.trajectory import PoseTrajectory3D
 
-    flights, audits = real
-    flight = next(f for f in flights if f.metadata.get("family") == "lissajous")
-    case = task3.select([flight], audits, "clean")[0]
+    flights = load_recordings([real_data / "nanobench" / "datasets" / "dataset" / "B7_oval_slow_rep2.csv.xz"]).flights
+    case = task3.select(flights, audits_of(flights), "clean")[0]
     value = task3.score(case, EKF, "clean")
     t, p, q = value.trajectory[:, 0], value.trajectory[:, 1:4], value.trajectory[:, 4:]
-    mocap = flight["mocap"]
+    mocap = flights[0]["mocap"]
     rows = np.searchsorted(mocap.time_s, t)
     truth = PoseTrajectory3D(mocap["px", "py", "pz"][rows], np.roll(mocap["qx", "qy", "qz", "qw"][rows], 1, axis=1), t)
     estimate = PoseTrajectory3D(p, np.roll(q, 1, axis=1), t)

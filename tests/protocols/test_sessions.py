@@ -88,6 +88,7 @@ def test_parameters_say_what_was_drawn():
     assert parameters_note(np.array([0])) == ""
 
 
+@pytest.mark.slow
 def test_the_sessions_of_the_real_recordings(real):
     """Four by their dates; what a vehicle's own clock stamps has none."""
     flights, _ = real

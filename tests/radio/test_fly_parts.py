@@ -169,6 +169,7 @@ def test_a_dry_run_shows_every_phase_and_needs_no_link(capsys):
 ])
 def test_bad_input_is_one_line_and_exit_code_2(capsys, monkeypatch, arguments, words):
     monkeypatch.setattr("nanobench_tools.radio.vehicle_link.ANSWER_S", 0.4)
+    monkeypatch.setattr("nanobench_tools.radio.fly.session.STARTS_S", 0.0)
     extra = ["--mocap", "simulated://127.0.0.1:1"] if arguments else []
     assert main(["fly", "--controller", "onboard_pid", "--quiet", *arguments, *extra]) == 2
     error = capsys.readouterr().err

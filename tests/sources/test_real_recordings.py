@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from fifteen import FIFTEEN, STOPPED
 
 from nanobench_tools import Span, so3
 from nanobench_tools.sources import find_recordings, load_recordings, write_nanobench
@@ -24,6 +25,15 @@ pytestmark = pytest.mark.real
 @pytest.fixture(scope="module")
 def everything(real_data):
     return load_recordings([real_data / "nanobench"], jobs=2)
+
+
+@pytest.fixture(scope="module", params=["15", pytest.param("all", marks=pytest.mark.slow)])
+def flights(request, real_data):
+    """Of 15 recordings, or of all with their slices."""
+    if request.param == "all":
+        return request.getfixturevalue("everything").flights
+    folder = real_data / "nanobench" / "datasets" / "dataset"
+    return load_recordings([folder / f"{name}.csv.xz" for name in FIFTEEN]).flights
 
 
 def own_sheet(flight):
@@ -39,16 +49,16 @@ def test_all_files_are_read_and_nothing_else_is_claimed(everything, real_data):
     assert len({f.name for f in everything.flights}) == len(files)
 
 
-def test_every_flight_has_52_columns_and_no_bad_cell(everything):
-    for flight in everything.flights:
+def test_every_flight_has_52_columns_and_no_bad_cell(flights):
+    for flight in flights:
         assert sum(len(s.columns) for s in flight.streams.values()) == 51
         assert {f.kind for f in flight.provenance.findings} <= {"truncated"}
         assert all(np.isfinite(s.values).all() for s in flight.streams.values())
 
 
-def test_sheet_found_by_time_is_the_one_beside_the_file(everything):
+def test_sheet_found_by_time_is_the_one_beside_the_file(flights):
     with_sheet = 0
-    for flight in everything.flights:
+    for flight in flights:
         sheet = own_sheet(flight)
         if sheet is None:
             continue
@@ -61,25 +71,26 @@ def test_sheet_found_by_time_is_the_one_beside_the_file(everything):
             counts = {k: s.samples for k, s in flight.streams.items()}
             names = {"mocap": "vicon", "pid": "pid_output", "battery": "power"}
             assert counts == {k: sheet["row_counts"][names.get(k, k)] for k in counts}
-    assert with_sheet >= 70
+    assert with_sheet >= (70 if len(flights) > 15 else 15)
 
 
+@pytest.mark.slow
 def test_only_one_recording_was_cut(everything):
     cut = [f for f in everything.flights if f.provenance.findings]
     assert [(len(f["mocap"]), f.provenance.findings[0].kind) for f in cut] == [(2868, "truncated")]
 
 
-def test_streams_that_stopped_early_keep_their_rate(everything):
+def test_streams_that_stopped_early_keep_their_rate(flights):
     """1196 IMU packets in the 12.5 s before the log of one flight stopped are 96 a second, not 28."""
     stopped = [
-        f for f in everything.flights if f.metadata.get("row_counts", {}).get("imu") == 1196 and len(f["imu"]) == 4228
+        f for f in flights if f.metadata.get("row_counts", {}).get("imu") == 1196 and len(f["imu"]) == 4228
     ]
     assert stopped
     assert all(f["imu"].rate_hz == pytest.approx(96.0, abs=1.0) for f in stopped)
 
 
-def test_specific_force_at_rest_is_gravity(everything):
-    for flight in everything.flights:
+def test_specific_force_at_rest_is_gravity(flights):
+    for flight in flights:
         still = Span(0.2, 1.5)
         if np.linalg.norm(np.ptp(flight["mocap"].during(still)["px", "py", "pz"], axis=0)) > 0.02:
             continue
@@ -87,8 +98,8 @@ def test_specific_force_at_rest_is_gravity(everything):
         assert np.median(norm) == pytest.approx(9.81, rel=0.01), flight.name
 
 
-def test_pitch_has_the_sign_of_the_quaternion(everything):
-    for flight in everything.flights:
+def test_pitch_has_the_sign_of_the_quaternion(flights):
+    for flight in flights:
         end = count_packets(flight["attitude"].time_s, flight["attitude"].values).last_s - 0.1
         keep = flight["attitude"].time_s < min(
             end, count_packets(flight["attitude_qw"].time_s, flight["attitude_qw"].values).last_s - 0.1
@@ -110,16 +121,18 @@ def _euler(q):
     )
 
 
-def test_the_packages_own_euler_angles_agree(everything):
-    q = everything.flights[0]["mocap"]["qx", "qy", "qz", "qw"]
+def test_the_packages_own_euler_angles_agree(flights):
+    q = flights[0]["mocap"]["qx", "qy", "qz", "qw"]
     np.testing.assert_allclose(so3.euler_zyx(q), np.stack(_euler(q), axis=-1), atol=1e-9)
 
 
-def test_estimated_counts_agree_with_the_sheets(everything):
+def test_estimated_counts_agree_with_the_sheets(flights):
     """The chord test, which slices and cut files rest on, within 15 % on every stream that moves; median within 3 %."""
     error: dict[str, list[float]] = {}
-    for flight in everything.flights:
+    for flight in flights:
         if own_sheet(flight) is None or len(flight["mocap"]) != flight.metadata["row_counts"]["vicon"]:
+            continue
+        if len(flights) == len(FIFTEEN) and flight.name in STOPPED:  # few of all, but most of these
             continue
         for name in ("imu", "motor", "estimator", "estimator_acc", "attitude", "setpoint", "battery"):
             stream = flight[name]
@@ -129,10 +142,10 @@ def test_estimated_counts_agree_with_the_sheets(everything):
         assert np.quantile(np.abs(errors), 0.9) < (0.15 if name != "battery" else 0.3), name
 
 
-def test_family_from_content_is_never_wrong(everything):
+def test_family_from_content_is_never_wrong(flights):
     rng = np.random.default_rng(0)
     right = total = 0
-    for number, flight in enumerate(everything.flights):
+    for number, flight in enumerate(flights):
         family = flight.metadata["family"]
         if "trajectory_type" not in flight.metadata:
             continue
@@ -148,20 +161,22 @@ def test_family_from_content_is_never_wrong(everything):
         start = rng.uniform(0.0, 0.5 * end)
         piece = describe(flight.during(Span(start, rng.uniform(min(start + 8.0, end), end))))
         assert piece["family"] in (family, None), flight.name
-    assert right >= 0.95 * total
+    assert total - right <= max(1, 0.05 * total)
 
 
-def test_slices_get_their_family_without_any_sheet(real_data):
-    loaded = load_recordings([real_data / "nanobench" / "benchmarks" / "task3_stateEst"])
+@pytest.mark.parametrize(("part", "least"), [("*_fast_*", 7), pytest.param("*", 27, marks=pytest.mark.slow)])
+def test_slices_get_their_family_without_any_sheet(real_data, part, least):
+    folder = real_data / "nanobench" / "benchmarks" / "task3_stateEst"
+    loaded = load_recordings(sorted(folder.rglob(f"{part}.csv.xz")))
     assert {f.metadata["family"] for f in loaded.flights} == {"trefoil"}
     for flight in loaded.flights:
         speed = next(s for s in ("slow", "medium", "fast") if s in flight.name)
         assert flight.metadata["speed"] in (speed, None), flight.name
-    assert sum(f.metadata["speed"] is not None for f in loaded.flights) >= 27
+    assert sum(f.metadata["speed"] is not None for f in loaded.flights) >= least
 
 
-def test_round_trip_of_a_real_recording(everything, tmp_path):
-    flight = everything.flights[-1]
+def test_round_trip_of_a_real_recording(flights, tmp_path):
+    flight = flights[-1]
     write_nanobench(flight, tmp_path / "a.csv")
     assert (tmp_path / "a.csv").read_bytes() == lzma.decompress(Path(flight.provenance.path).read_bytes())
     after = load_recordings([tmp_path], cache=False).flights[0]

@@ -227,13 +227,14 @@ def test_it_is_drawn_and_fits_phone_and_desk(verdict, recordings, tmp_path):
     write_page(verdict, recordings, path, synthetic=True)
     trouble = []
     with driver.sync_playwright() as started:
-        browser = started.chromium.launch(executable_path=binary, args=["--no-sandbox"])
+        browser = started.chromium.launch(executable_path=binary, args=["--no-sandbox"], timeout=600_000)
         sheet = browser.new_page(viewport={"width": 390, "height": 844})
         sheet.on("console", lambda m: trouble.append(m.text) if m.type == "error" else None)
         sheet.on("pageerror", lambda e: trouble.append(str(e)))
         sheet.on("request", lambda r: trouble.append(r.url) if r.url.startswith(("http", "ws")) else None)
-        sheet.goto(path.as_uri(), timeout=120_000)  # a busy machine is slow, not wrong
-        sheet.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
+        sheet.set_default_timeout(600_000)  # a busy machine is slow, not wrong
+        sheet.goto(path.as_uri())
+        sheet.wait_for_selector("html[data-ready]", state="attached")
         for figure in sheet.query_selector_all("figure[data-figure]"):
             figure.scroll_into_view_if_needed()
             sheet.wait_for_selector(f"#{figure.get_attribute('id')}[data-drawn]")
