@@ -30,6 +30,7 @@ def test_it_flies_with_the_lag_of_the_simulator(name, path):
     assert largest_rmse_m(name, path) < 0.6
 
 
+@pytest.mark.slow
 def test_gains_for_quick_motors_lose_it():
     quick = {name: gain.value for name, gain in tunable_for(LAG_S).items()}
     assert not largest_rmse_m("geometric", "star", quick) < 1.0

@@ -86,7 +86,7 @@ def test_the_space_bar_stops_the_motors():
 
     def press_space() -> None:
         os.write(ours, b"x ")
-        until = time.monotonic() + 20.0
+        until = time.monotonic() + 600.0
         while time.monotonic() < until:
             time.sleep(0.01)  # the flight's thread is woken here
 
@@ -148,7 +148,7 @@ def test_nanobench_stop_from_another_terminal_stops_the_motors(capsys):
 
     def other_terminal() -> None:
         threading.Thread(target=lambda: main(["stop", "udp://127.0.0.1:1", "--quiet"]), daemon=True).start()
-        until = time.monotonic() + 20.0
+        until = time.monotonic() + 600.0
         while time.monotonic() < until:
             time.sleep(0.01)  # the flight's thread is woken here
 
