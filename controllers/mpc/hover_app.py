@@ -6,66 +6,41 @@ README with an estimate of its cost.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from importlib import resources
-from importlib.resources.abc import Traversable
 from pathlib import Path
-from string import Template
 
 import numpy as np
 
+from nanobench_tools.firmware.app_files import Operations, array, constant, header, write_folder
 from nanobench_tools.firmware.motor_output import ARM_M, YAW_ARM_M
 from nanobench_tools.firmware.thrust_curve import COEFFICIENTS, THRUST_MIN_N
 from nanobench_tools.physics.export.account import Account, Exported
 from nanobench_tools.physics.model import Model
-from nanobench_tools.results.result_files import write_bytes
 
 from .condense import UNIT_N
 from .hover_mpc import HORIZON, ITERATIONS, LEAST_MARGIN, LIMITS, PERIOD_S, STATES, HoverMpc
 
-CLOCK_HZ = 168e6
-"""STM32F405 of the Crazyflie 2.x."""
-MULTIPLY_ADD_CYCLES, DIVISION_CYCLES, FUNCTION_CYCLES = 6, 14, 150
-"""Assumed of a Cortex-M4F. A multiply-add has 3 (VFMA, ARM DDI 0439) and its loads and loop. Division and square root
-have 14. A sine, arcsine or arctangent in float32 is a function of the C library."""
+TARGET = "firmware-app"
 FIXED = (170, 22, 12)
 """Multiply-adds, divisions and square roots, and trigonometric functions of a command outside the program, counted in
 hover_mpc.c."""
 
 
-@dataclass(frozen=True)
-class Cost:
-    """Estimated cost of a command after so many ``iterations`` of the solver, each of which adds a bound."""
+def cost(iterations: int, unknowns: int = 4 * HORIZON) -> Operations:
+    """Of a command after so many ``iterations`` of the solver, each of which adds a bound.
 
-    iterations: int
-    unknowns: int
-
-    @property
-    def multiply_adds(self) -> int:
-        """By the loops of hover_mpc.c and DAQP: the answer without bounds, iterations and the answer within bounds.
-
-        An iteration scans all bounds, adds a row to the factor, and finds multipliers and the step.
-        """
-        n, found = self.unknowns, FIXED[0] + self.unknowns * (STATES + 2)
-        for active in range(self.iterations):
-            found += n * (n + 1) // 2 + n + active * (n + active + 2)
-        return found + (4 * n if self.iterations else 0)
-
-    @property
-    def cycles(self) -> int:
-        divisions = FIXED[1] + 4 * self.iterations + sum(range(self.iterations))
-        return (MULTIPLY_ADD_CYCLES * self.multiply_adds + DIVISION_CYCLES * divisions + FUNCTION_CYCLES * FIXED[2])
-
-    @property
-    def milliseconds(self) -> float:
-        """At 168 MHz."""
-        return 1e3 * self.cycles / CLOCK_HZ
+    By the loops of hover_mpc.c and DAQP: the answer without bounds, iterations and the answer within bounds. An
+    iteration scans all bounds, adds a row to the factor, and finds multipliers and the step.
+    """
+    n, found = unknowns, FIXED[0] + unknowns * (STATES + 2)
+    for active in range(iterations):
+        found += n * (n + 1) // 2 + n + active * (n + active + 2)
+    return Operations(found + (4 * n if iterations else 0), FIXED[1] + 4 * iterations + sum(range(iterations)),
+                      FIXED[2])
 
 
-def costs(unknowns: int = 4 * HORIZON) -> list[Cost]:
-    """Of a command that meets no bound, of one with one iteration, and the most there can be."""
-    return [Cost(iterations, unknowns) for iterations in (0, 1, ITERATIONS - 1)]
+def costs(unknowns: int = 4 * HORIZON) -> dict[int, Operations]:
+    """By iterations: of a command that meets no bound, of one with one iteration, and the most there can be."""
+    return {iterations: cost(iterations, unknowns) for iterations in (0, 1, ITERATIONS - 1)}
 
 
 def write_app(model: Model, folder: Path | str) -> Exported:
@@ -75,27 +50,13 @@ def write_app(model: Model, folder: Path | str) -> Exported:
     inverse, scale, free = controller.program.normalised()
     wide = len(inverse)
     floats = inverse[np.triu_indices(wide)].size + scale.size + free.size
-    fields = {"table": "\n".join(f"| {c.iterations} | {c.multiply_adds} | {c.cycles} | {c.milliseconds:.2f} |"
-                                 for c in costs(wide)), "table_bytes": str(4 * floats), "unknowns": str(wide)}
-    written = []
-    for name, source in _templates(resources.files("controllers.mpc").joinpath("firmware_app")):
-        data = source.read_bytes()
-        if name == "README.md":
-            data = Template(data.decode()).substitute(fields).encode()
-        written.append((Path(folder) / name, data))
-    written += [(Path(folder) / "src" / "vehicle_parameters.h", _parameters(controller).encode()),
-                (Path(folder) / "src" / "hover_program.h", _program(inverse, scale, free).encode())]
-    for path, data in written:
-        write_bytes(path, data)
-    return Exported(tuple(path for path, _ in written), _account(model, controller))
-
-
-def _templates(folder: Traversable, above: str = "") -> Iterator[tuple[str, Traversable]]:
-    for entry in sorted(folder.iterdir(), key=lambda found: found.name):
-        if entry.is_dir():
-            yield from _templates(entry, f"{above}{entry.name}/")
-        else:
-            yield f"{above}{entry.name}", entry
+    table = "\n".join(f"| {k} | {c.multiply_adds} | {c.cycles} | {c.milliseconds:.2f} |"
+                      for k, c in costs(wide).items())
+    headers = {"src/vehicle_parameters.h": _parameters(controller),
+               "src/hover_program.h": _program(inverse, scale, free)}
+    files = write_folder("controllers.mpc", "firmware_app", Path(folder), headers,
+                         {"table": table, "table_bytes": str(4 * floats), "unknowns": str(wide)})
+    return Exported(files, _account(model, controller))
 
 
 def _account(model: Model, controller: HoverMpc) -> Account:
@@ -106,28 +67,6 @@ def _account(model: Model, controller: HoverMpc) -> Account:
                       for name, text in terms.items()},
         left_out={"command_delay": "the controller is on board; its commands wait for no radio"}
         if "command_delay" in model else {})
-
-
-def _number(value: float) -> str:
-    text = f"{np.float32(value):.9g}"
-    return f"{text}f" if any(mark in text for mark in ".e") else f"{text}.0f"
-
-
-def _row(values: np.ndarray) -> str:
-    return "{" + ", ".join(map(_number, values)) + "}"
-
-
-def _array(name: str, values: np.ndarray, comment: str) -> str:
-    """A constant array of one or two dimensions."""
-    values = np.asarray(values)
-    shape = "".join(f"[{size}]" for size in values.shape)
-    body = _row(values) if values.ndim == 1 else "{\n    " + ",\n    ".join(map(_row, values)) + "}"
-    return f"static const float {name}{shape} = {body}; /* {comment} */\n"
-
-
-def _guarded(name: str, first: str, body: str) -> str:
-    head = f"/* {first}\n * Written by nanobench convert --to firmware-app. */\n"
-    return f"{head}#ifndef {name}\n#define {name}\n\n{body}\n#endif\n"
 
 
 def _parameters(controller: HoverMpc) -> str:
@@ -146,21 +85,21 @@ def _parameters(controller: HoverMpc) -> str:
         ("LIMIT_TURN_RAD", LIMITS[2], "rad of an error of attitude that are answered"))
     body = f"#define HOVER_MPC_RATE_HZ {round(1.0 / PERIOD_S)} /* Hz */\n"
     body += f"#define HOVER_MPC_PERIOD_MS {round(1e3 * PERIOD_S)} /* ms */\n"
-    body += "".join(f"#define {name} {_number(value)} /* {text} */\n" for name, value, text in scalars)
-    body += _array("VEHICLE_DRAG_1_S", v.drag_1_s, "1/s, drag over mass along the heading, across it and up")
-    body += _array("VEHICLE_AIR_N_S_M", v.air_N_s_m, "N s/m, thrusts that balance the moment of an air velocity")
-    body += _array("FIRMWARE_THRUST_N", np.array(COEFFICIENTS), "N/V^k, thrust of a motor by its voltage")
-    body += _array("LIMIT_POSITION_1_S2", v.position_1_s2, "1/s^2, acceleration that answers a position error")
-    body += _array("LIMIT_VELOCITY_1_S", v.velocity_1_s, "1/s, acceleration that answers a velocity error")
-    body += _array("LIMIT_INTEGRAL", v.most_integral, "m s of position x, y, z; rad s of heading")
-    return _guarded("VEHICLE_PARAMETERS_H", "The vehicle as the controller knows it, in SI units.", body)
+    body += "".join(constant(*scalar) for scalar in scalars)
+    body += array("VEHICLE_DRAG_1_S", v.drag_1_s, "1/s, drag over mass along the heading, across it and up")
+    body += array("VEHICLE_AIR_N_S_M", v.air_N_s_m, "N s/m, thrusts that balance the moment of an air velocity")
+    body += array("FIRMWARE_THRUST_N", np.array(COEFFICIENTS), "N/V^k, thrust of a motor by its voltage")
+    body += array("LIMIT_POSITION_1_S2", v.position_1_s2, "1/s^2, acceleration that answers a position error")
+    body += array("LIMIT_VELOCITY_1_S", v.velocity_1_s, "1/s, acceleration that answers a velocity error")
+    body += array("LIMIT_INTEGRAL", v.most_integral, "m s of position x, y, z; rad s of heading")
+    return header("VEHICLE_PARAMETERS_H", "The vehicle as the controller knows it, in SI units.", TARGET, body)
 
 
 def _program(inverse: np.ndarray, scale: np.ndarray, free: np.ndarray) -> str:
     wide = len(inverse)
     body = (f"#define HOVER_MPC_UNKNOWNS {wide}\n#define HOVER_MPC_ERRORS {STATES}\n"
             f"#define HOVER_MPC_ITERATIONS {ITERATIONS}\n")
-    body += _array("PROGRAM_FREE", free, "answer without bounds per error, scaled")
-    body += _array("PROGRAM_SCALE", scale / UNIT_N, "1/N")
-    body += _array("PROGRAM_INVERSE", inverse[np.triu_indices(wide)], "upper triangle, by rows of length one")
-    return _guarded("HOVER_PROGRAM_H", "Predictive control about hover: the constant program.", body)
+    body += array("PROGRAM_FREE", free, "answer without bounds per error, scaled")
+    body += array("PROGRAM_SCALE", scale / UNIT_N, "1/N")
+    body += array("PROGRAM_INVERSE", inverse[np.triu_indices(wide)], "upper triangle, by rows of length one")
+    return header("HOVER_PROGRAM_H", "Predictive control about hover: the constant program.", TARGET, body)

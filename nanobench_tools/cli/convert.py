@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 FORMATS = ("nanobench", "parquet", "tum", "euroc", "kitti", "rpg", "rrd")
 SIMULATORS = ("rotorpy", "crazyflow", "urdf", "c", "casadi")
-FIRMWARE_APP = "firmware-app"
-"""A controller for the vehicle itself."""
+FIRMWARE_APP, FIRMWARE_FILTER = "firmware-app", "firmware-filter"
+"""A controller and an estimator for the vehicle itself."""
 ONE_TIME = ("nanobench",)
 """Formats in which all streams share one column of time."""
 ALL = "all-simulators"
@@ -32,13 +32,14 @@ ALL = "all-simulators"
 
 @click.command()
 @shared_options("seed", "clock")
-@click.option("--to", type=click.Choice([*FORMATS, *SIMULATORS, ALL, FIRMWARE_APP]), default="nanobench",
-              show_default=True, metavar="FORMAT",
+@click.option("--to", type=click.Choice([*FORMATS, *SIMULATORS, ALL, FIRMWARE_APP, FIRMWARE_FILTER]),
+              default="nanobench", show_default=True, metavar="FORMAT",
               help="Recordings: nanobench (CSV with its sheet), parquet (a file per stream, SI units), or rrd (for the "
                    "Rerun viewer). Their mocap trajectory: tum, euroc or kitti (all for evo), or rpg. SIMULATOR.toml: "
                    "rotorpy, "
                    f"crazyflow (also drone-models), urdf (gym-pybullet-drones), c, casadi, or {ALL}. "
-                   f"{FIRMWARE_APP}: a predictive controller for this vehicle, as C for the Crazyflie firmware.")
+                   f"{FIRMWARE_APP}: a predictive controller for this vehicle, as C for the Crazyflie firmware. "
+                   f"{FIRMWARE_FILTER}, without a PATH: the filter drag_matrix_ekf, likewise.")
 @click.option("--mocap", type=click.Path(path_type=Path), metavar="FILE",
               help="Motion capture of the same flight, recorded on a separate clock (TUM, or any known format). Its "
                    "time offset is found from the turning rates.")
@@ -56,9 +57,14 @@ def convert(options: Options, to: str, mocap: Path | None, battery_V: float | No
     nanobench convert flight.csv --to rrd --out DIR        to look at in Rerun: path, attitude, signals, faults
     nanobench convert simulator.toml --to rotorpy --out DIR        a fitted vehicle for RotorPy
     nanobench convert simulator.toml --to firmware-app --out DIR   a controller to build with the firmware
+    nanobench convert --to firmware-filter --out DIR               an estimator to build with the firmware
     """
     if options.out is None:
         raise UsageError("nanobench convert: --out DIR is needed")
+    if to == FIRMWARE_FILTER:
+        if options.data or mocap is not None or battery_V is not None or k_f is not None:
+            raise UsageError(f"nanobench convert: --to {FIRMWARE_FILTER} takes --out alone")
+        return _convert_filter(options)
     models = [path for path in options.data if to not in FORMATS or path.suffix.lower() == ".toml"]
     if models or to not in FORMATS:
         simulator = models[0] if models else None
@@ -155,13 +161,25 @@ def _convert_to_app(options: Options, path: Path, model: Model, assumed: dict[st
     if any(value is not None for value in assumed.values()):
         raise UsageError(f"nanobench convert: --battery and --k-f do not go with --to {FIRMWARE_APP}")
     found = {FIRMWARE_APP: write_app(model, options.out or Path())}
-    least, *_, most = costs()
+    least, *_, most = costs().values()
     said = (f"ESTIMATE of a command on the vehicle: {least.milliseconds:.2f} ms, and {most.milliseconds:.2f} ms where "
             "many motors meet bounds. Never compiled against the firmware itself: test it on a tether")
     close(options, f"{path} written as a controller of the Crazyflie firmware to {options.out}", "build it",
           "make", "-C", options.out, "CRAZYFLIE_BASE=/path/to/crazyflie-firmware",
           screen=[_accounts(found), said], detail=[*_accounts_in_full(found), said])
     return options.finish("convert", {"to": FIRMWARE_APP, "simulator": str(path), **exported_body(found)})
+
+
+def _convert_filter(options: Options) -> int:
+    from estimators.filter_app import costs, write_filter
+
+    files = write_filter(options.out or Path())
+    row, pose = costs().values()
+    close(options, f"drag_matrix_ekf written as an estimator of the Crazyflie firmware to {options.out}", "build it",
+          "make", "-C", options.out, "CRAZYFLIE_BASE=/path/to/crazyflie-firmware",
+          screen=[f"ESTIMATE on the vehicle: {row.milliseconds:.2f} ms a row of the IMU, {pose.milliseconds:.2f} ms a "
+                  "pose. Never compiled against the firmware itself: carry it by hand first"])
+    return options.finish("convert", {"to": FIRMWARE_FILTER, "files": [str(file) for file in files]})
 
 
 def _accounts(found: Mapping[str, Exported]) -> Table:

@@ -124,3 +124,16 @@ def test_a_controller_for_the_firmware(nanobench, simulator, tmp_path):
     assert "not in the order of the Crazyflie" in err
     assert len(err.strip().splitlines()) == 1
     assert not (tmp_path / "no").exists()
+
+
+def test_an_estimator_for_the_firmware(nanobench, simulator, tmp_path):
+    code, shown, err = nanobench("convert", "--to", "firmware-filter", "--out", tmp_path / "filter")
+    assert (code, err) == (0, "")
+    assert "ESTIMATE" in shown
+    body = json.loads((tmp_path / "filter" / "convert.json").read_text())
+    assert [file for file in body["files"] if not (tmp_path / file).is_file()] == []
+    assert "#define LATE_MOVES 0.0f" in (tmp_path / "filter" / "src" / "filter_settings.h").read_text()
+    code, _, err = nanobench("convert", simulator, "--to", "firmware-filter", "--out", tmp_path / "no")
+    assert code != 0
+    assert "takes --out alone" in err
+    assert not (tmp_path / "no").exists()

@@ -13,7 +13,7 @@ from scipy.linalg import cholesky, solve_discrete_are, solve_triangular
 from scipy.optimize import lsq_linear
 
 from controllers.mpc.casadi_code import Call
-from controllers.mpc.hover_app import Cost, write_app
+from controllers.mpc.hover_app import cost, write_app
 from controllers.mpc.hover_mpc import ERRORS, STEP_S, TOLERATED_INTEGRAL, HoverMpc
 from controllers.mpc.prediction_model import Equations4, default_model, stages_function
 from controllers.mpc.predictive_base import Weights, about_hover
@@ -30,7 +30,7 @@ from nanobench_tools.radio.crtp import Packet
 from nanobench_tools.radio.simulated.onboard_services import Build, Onboard
 
 pytestmark = pytest.mark.skipif(needs_compiler, reason="NO C COMPILER OR MAKE: the exported controller is not tested")
-STUB = Path(__file__).parent / "firmware_stub"
+STUB = Path(__file__).parents[1] / "firmware_stub"
 STRICT = ["-std=c11", "-Wall", "-Wextra", "-Werror", "-Wdouble-promotion", "-Wfloat-conversion"]
 FLOAT = ["-DDAQP_SINGLE_PRECISION", "-DDAQP_NO_SOFT_WEIGHTS", "-fsingle-precision-constant"]
 REST = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
@@ -270,9 +270,9 @@ def test_it_flies_the_served_vehicle_as_python_commands(app, tmp_path):
 
 def test_the_estimate_of_its_cost_by_hand(app):
     # outside the program 170; 4 unknowns of 20 errors and two bounds; 10 entries of the triangle, 4 of the step; answer
-    assert Cost(1, 4).multiply_adds == 170 + 4 * 22 + 10 + 4 + 16
-    assert Cost(2, 4).multiply_adds - Cost(1, 4).multiply_adds == 10 + 4 + 7
-    assert f"| 0 | {Cost(0, 40).multiply_adds} |" in (app / "README.md").read_text()
+    assert cost(1, 4).multiply_adds == 170 + 4 * 22 + 10 + 4 + 16
+    assert cost(2, 4).multiply_adds - cost(1, 4).multiply_adds == 10 + 4 + 7
+    assert f"| 0 | {cost(0, 40).multiply_adds} |" in (app / "README.md").read_text()
 
 
 def test_what_cannot_be_exported_is_refused(tmp_path):

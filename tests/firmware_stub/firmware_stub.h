@@ -1,4 +1,4 @@
-/* Declarations of the firmware's interface that an out-of-tree controller uses, written from its documentation for
+/* Declarations of the firmware's interface that out-of-tree controllers and estimators use, written from its documentation for
  * tests on the host. This is not the firmware. */
 #ifndef FIRMWARE_STUB_H
 #define FIRMWARE_STUB_H
@@ -49,6 +49,39 @@ typedef uint32_t stabilizerStep_t;
 #define LOG_ADD(kind, name, address) _Static_assert(sizeof(address) == sizeof(void *), #name);
 #define LOG_GROUP_STOP(name)
 
+typedef struct { Axis3f gyro; } gyroscopeMeasurement_t;
+typedef struct { Axis3f acc; } accelerationMeasurement_t;
+typedef struct {
+    union { struct { float x, y, z; }; float pos[3]; };
+    quaternion_t quat;
+    float stdDevPos, stdDevQuat;
+} poseMeasurement_t;
+typedef enum {
+    MeasurementTypeTDOA, MeasurementTypePosition, MeasurementTypePose, MeasurementTypeGyroscope = 9,
+    MeasurementTypeAcceleration
+} MeasurementType;
+typedef struct {
+    MeasurementType type;
+    union {
+        poseMeasurement_t pose;
+        gyroscopeMeasurement_t gyroscope;
+        accelerationMeasurement_t acceleration;
+    } data;
+} measurement_t;
+typedef void *TaskHandle_t;
+#define pdTRUE 1
+#define portMAX_DELAY 0xffffffffu
+#define taskENTER_CRITICAL()
+#define taskEXIT_CRITICAL()
+#define LOG_UINT16 2
+TaskHandle_t xTaskGetCurrentTaskHandle(void);
+void xTaskNotifyGive(TaskHandle_t task);
+uint32_t ulTaskNotifyTake(int clears, uint32_t ticks);
+bool supervisorIsFlying(void);
+bool estimatorDequeue(measurement_t *measurement);
+void estimatorOutOfTreeInit(void);
+bool estimatorOutOfTreeTest(void);
+void estimatorOutOfTree(state_t *state, const stabilizerStep_t step);
 void vTaskDelay(uint32_t ticks);
 float pmGetBatteryVoltage(void);
 void controllerPidInit(void);
