@@ -5,6 +5,7 @@ The files of ``firmware_filter`` are copied; ``filter_settings.h`` is written fr
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from nanobench_tools.firmware.app_files import Operations, constant, header, write_folder
@@ -15,8 +16,11 @@ from .drag_ekf import DragMatrixEkf
 TARGET = "firmware-filter"
 UNUSED = ("drawn",)
 """Settings of recordings alone: on board no packet is missing."""
-SETTINGS = {**core.SETTINGS, **DragMatrixEkf.settings, "late_moves": 0.0}
-"""On board the present state is wanted on the IMU's own time: it is not moved by the delay of the poses."""
+RECORDED = {**core.SETTINGS, **DragMatrixEkf.settings, "late_moves": 0.0}
+"""As searched on recordings; the state is wanted on the time of the IMU."""
+SETTINGS = {**RECORDED, "late_sd": 0.0, "wander_sd": 0.0}
+"""On board, rows and poses have one clock. In ten minutes of circles, an estimated delay drifts by tens of
+milliseconds."""
 UNITS = "SI; noise per root Hz, walks per root s"
 _ERRORS = core.ERROR
 _TRANSITION = _ERRORS * 60
@@ -37,9 +41,9 @@ def costs() -> dict[str, Operations]:
     return {"row of the IMU": row, "pose": pose}
 
 
-def write_filter(folder: Path | str) -> tuple[Path, ...]:
-    """Writes the folder; returns its files."""
-    body = "".join(constant(name.upper(), value, UNITS) for name, value in SETTINGS.items() if name not in UNUSED)
+def write_filter(folder: Path | str, settings: Mapping[str, float] = SETTINGS) -> tuple[Path, ...]:
+    """Writes the folder with ``settings`` of the core; returns its files."""
+    body = "".join(constant(name.upper(), value, UNITS) for name, value in settings.items() if name not in UNUSED)
     table = "\n".join(f"| {name} | {c.multiply_adds} | {c.cycles} | {c.milliseconds:.2f} |"
                       for name, c in costs().items())
     text = header("FILTER_SETTINGS_H", "Settings of drag_matrix_ekf; estimators/inertial_core.py has what each is.",

@@ -15,7 +15,7 @@
 
 #include "drag_filter.h"
 
-#define POSE_AGE_S 0.0f /* s, how old a pose is when it arrives; the filter estimates the rest */
+#define POSE_AGE_S 0.0f /* s, how old a pose is when it arrives */
 #define RAD 0.01745329252f
 #define DEG 57.29577951f
 #define G_M_S2 9.81f
