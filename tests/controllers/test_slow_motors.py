@@ -24,7 +24,8 @@ def largest_rmse_m(name, path, gains=None):
     return max(run["rmse_m"] for path in runs.runs for run in path)
 
 
-@pytest.mark.parametrize(("name", "path"), [("geometric", "star"), ("lqr", "circle")])
+@pytest.mark.parametrize(("name", "path"), [
+    ("geometric", "star"), pytest.param("lqr", "circle", marks=pytest.mark.slow)])
 def test_it_flies_with_the_lag_of_the_simulator(name, path):
     """Sharp corners are too much for the linear one, with any motors."""
     assert largest_rmse_m(name, path) < 0.6
