@@ -144,7 +144,7 @@ def test_commands_leave_no_memory_behind(name):
             ours = tracemalloc.take_snapshot().filter_traces([tracemalloc.Filter(True, __file__, all_frames=True)])
             marks.append(sum(trace.size for trace in ours.traces))
         # Python's own free lists fill up for a while; a leak grows all the time
-        assert np.diff(marks).min() < 800  # 10 bytes a command
+        assert np.diff(marks).min() < 1600  # 20 bytes a command; OSQP's interface leaves up to 15 behind by itself
     finally:
         tracemalloc.stop()
 
