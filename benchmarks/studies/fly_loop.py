@@ -162,11 +162,11 @@ def circle(seeds: int, seconds: float, written: str | None) -> None:
 
 def hidden(effects: list[str], flights: int, seconds: float) -> None:
     """SYNTHETIC: what ``diagnose`` says of recordings of a vehicle that has more in it than the simulator."""
-    from controllers.plants.ensemble import shipped_simulator
+    from controllers.plants.served_vehicle import served_simulator
     from nanobench_tools.cli.main import main
     from nanobench_tools.physics.simulator import loads, write_simulator
 
-    nominal = loads(shipped_simulator(), "shipped")
+    nominal = loads(served_simulator(), "shipped")
     with tempfile.TemporaryDirectory() as place:
         for what in effects:
             flown, believed = (made(nominal) for made in HIDDEN[what])

@@ -34,12 +34,13 @@ GRAVITY_M_S2 = 9.81
 
 
 def lift_m_s2(crowd: Ensemble) -> np.ndarray:
-    """(n,) acceleration that all motors give a plant at rest, its battery sagging under them."""
+    """(n,) acceleration that all motors give a plant held level, its battery sagging under them."""
     plant = crowd.plant(np.zeros((len(crowd), 3)))
     full, steps = np.ones((len(crowd), 4)), round(0.3 / plant.step_s)
     speed = []
     for _ in range(steps):
         plant.advance(full)
+        plant.state[6:13] = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])[:, None]
         speed.append(plant.state[5].copy())
     rows = round(0.1 / plant.step_s)
     return (speed[-1] - speed[-1 - rows]) / 0.1 + GRAVITY_M_S2

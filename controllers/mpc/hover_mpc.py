@@ -28,7 +28,7 @@ from nanobench_tools.settings import number, setting
 from .casadi_code import Call, import_casadi
 from .condense import UNIT_N
 from .dense_qp import Daqp
-from .prediction_model import ERRORS, LEAST_LIFT, Equations4, default_model, stages_function
+from .prediction_model import ERRORS, LEAST_LIFT, RIGID, Equations4, default_model, stages_function
 from .predictive_base import Weights, about_hover
 from .thrust_map import ThrustMap
 
@@ -120,7 +120,8 @@ def _hovering(model: Model, weights: Weights) -> tuple[Program, HoverVehicle]:
     q = np.diag([*weights.of_errors(ERRORS), *1.0 / np.square([level, level, up, heading])])
     program = _condensed(whole, inputs, q, weights.of_inputs(model))
     gain = -UNIT_N * program.free[:4]
-    about_y, lift = made.mixing()[2] @ gain, gain.sum(axis=0) / made.mass_kg
+    rotors = 0.25 * gain[:, RIGID:ERRORS].sum()  # they answer their own error, so less than the command stays
+    about_y, lift = made.mixing()[2] @ gain, gain.sum(axis=0) / made.mass_kg / (1.0 + rotors)
     position, velocity, integral = (np.array([level, level, up]) for level, up in (
         (g * about_y[k] / about_y[7], lift[k + 2]) for k in (0, 3, ERRORS)))
     most = np.append(LIMITS[3] / integral, LIMITS[4])

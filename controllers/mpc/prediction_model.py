@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from nanobench_tools.errors import InputError
+from nanobench_tools.firmware.thrust_curve import COEFFICIENTS
 from nanobench_tools.physics import rotor
 from nanobench_tools.physics.equations import Equations
 from nanobench_tools.physics.model import Model
@@ -38,7 +39,7 @@ AIR_MOMENT_N_S = number("control.prediction_model.air_moment_n_s")
 
 
 def default_model() -> Model:
-    """The recorded vehicle as it was identified, which is the plant of Task 2 too."""
+    """The vehicle of the recordings, which is the plant of Task 2 too."""
     return loads(resources.files("controllers.plants").joinpath("recorded_vehicle.toml").read_text(encoding="utf-8"))
 
 
@@ -46,7 +47,7 @@ def practice_model() -> Model:
     """The vehicle of practice flights without its spread."""
     vehicle = Vehicle()
     drag = tuple(vehicle.mass_kg * d for d in DRAG_1_S)
-    return Model(vehicle, {"thrust_voltage": default_model().values_of("thrust_voltage"),
+    return Model(vehicle, {"thrust_voltage": {"c": COEFFICIENTS},
                            "thrust_scale": {"s": THRUST_SCALE}, "motor_lag": {"tau_up_s": LAG_S, "tau_down_s": LAG_S},
                            "yaw_torque": {"k_m": YAW_ARM_M}, "drag_linear": {"d": drag},
                            "drag_torque": {"c": AIR_MOMENT_N_S}})

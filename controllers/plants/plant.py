@@ -13,6 +13,8 @@ from typing import Protocol
 import numpy as np
 
 from nanobench_tools.errors import InputError
+from nanobench_tools.firmware.guard import REST_BATTERY_V
+from nanobench_tools.firmware.thrust_curve import thrust_of_voltage
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.inputs import parameter_values, rows, settled
 from nanobench_tools.physics.model import QUATERNION, RIGID, ROTOR, STATE, VELOCITY
@@ -176,3 +178,10 @@ def hover_ratio(model: Model, battery_V: np.ndarray, parameters: np.ndarray | No
         lift = settled(model, row[0], row_hz=1.0 / STEP_S, parameters=values).sum(axis=0)
         low, high = np.where(lift < weight, middle, low), np.where(lift < weight, high, middle)
     return high
+
+
+def share_of_firmware(model: Model) -> float:
+    """Thrust of ``model`` at hover over what the firmware's thrust curve promises for that voltage."""
+    volts = np.array([REST_BATTERY_V])
+    hover_N = model.vehicle.mass_kg * model.vehicle.gravity_m_s2 / len(model.vehicle.spin)
+    return hover_N / float(thrust_of_voltage(hover_ratio(model, volts) * volts)[0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +23,10 @@ from nanobench_tools.practice.rigid_bodies import CONTACT_RAD_S
 from nanobench_tools.practice.vehicle_parameters import OPEN_CIRCUIT, VEHICLE
 
 from .downwash import TURNS, SharedAir
-from .ensemble import shipped_simulator
 from .plant import MOST_DELAY_S, closed_loop_model
 from .served_loop import NOISES, STEP_S, WORLD, run
 
+SIMULATOR = "quick_motors.toml"
 BATTERY_V = (2.6, float(OPEN_CIRCUIT[-1, 1]))
 """Voltages at rest that a cell may start with."""
 DISCONNECTED_V = 4.15
@@ -181,6 +182,11 @@ def _charge(battery_V: float) -> float:
     return float(np.interp(battery_V, OPEN_CIRCUIT[:, 1], OPEN_CIRCUIT[:, 0]))
 
 
+def served_simulator() -> str:
+    """Text of the simulator.toml of the vehicle that is served when none is named."""
+    return resources.files(__package__).joinpath(SIMULATOR).read_text(encoding="utf-8")
+
+
 def served(simulator: Path | None = None, **settings: Any) -> ServedVehicle:
-    """A ServedVehicle of a simulator.toml, by default of the recorded vehicle's; ``settings`` are passed on."""
-    return ServedVehicle(loads(shipped_simulator()) if simulator is None else read_simulator(simulator), **settings)
+    """A ServedVehicle of a simulator.toml, by default ``served_simulator``; ``settings`` are passed on."""
+    return ServedVehicle(loads(served_simulator()) if simulator is None else read_simulator(simulator), **settings)

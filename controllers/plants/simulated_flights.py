@@ -39,6 +39,7 @@ from .closed_loop import Flown, fly
 from .ensemble import Ensemble, draw
 from .kalman_senses import Onboard
 from .off_nominal import BELIEVED_RADIO_S, CASES, mismatched
+from .plant import share_of_firmware
 from .radio_silence import Waiting, heard, silence
 from .senses import TICK_S
 
@@ -61,8 +62,8 @@ def made(name: str, model: Model, radio_s: float = 0.0, gains: Mapping[str, floa
     if "vehicle" in known:
         inertia = model.values_of("inertia").get("inertia_kg_m2", model.vehicle.inertia_kg_m2)
         given["vehicle"] = model.on(inertia_kg_m2=inertia).vehicle
-    if "thrust_scale" in known and "thrust_scale" in model:
-        given["thrust_scale"] = model.values_of("thrust_scale")["s"]
+    if "thrust_scale" in known and model.vehicle.input == "pwm":
+        given["thrust_scale"] = share_of_firmware(model)
     if "lag_s" in known:
         given["lag_s"] = slowest_lag_s(model)
     if "delay_s" in known and not getattr(kind, "on_board", False):

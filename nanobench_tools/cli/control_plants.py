@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from ..protocols.compare import GateChange
     from ..protocols.gate import GateRow, GateSummary
     from ..protocols.simulated import ErrorBar, MismatchRow, SampledFlight, SimulatedRow
+    from ..protocols.task1 import Case
 
 CHUNK = 8
 """Recordings that fly side by side in one item: as many as fill a vector."""
@@ -67,10 +68,7 @@ class Chosen:
 
     @classmethod
     def _identified(cls, options: Options, train: Sequence[Path]) -> Chosen:
-        from identification.vehicle.vehicle_fit import fit_vehicle
-
         from ..auditing.selection import distinct
-        from ..physics.simulator import dumps
         from ..protocols.completed import completed
         from ..protocols.task1 import training_cases
 
@@ -81,6 +79,15 @@ class Chosen:
         if not cases:
             raise InputError(str(train[0]), "no recording to identify a plant from",
                              "give some with motion capture, IMU, motors, battery and attitude")
+        return cls.fitted(options, cases, ", ".join(map(str, train)))
+
+    @classmethod
+    def fitted(cls, options: Options, cases: Sequence[Case], where: str) -> Chosen:
+        """The vehicle of the training flights ``cases``, which are in ``where``."""
+        from identification.vehicle.vehicle_fit import fit_vehicle
+
+        from ..physics.simulator import dumps
+
         found = fit_vehicle(cases, seed=options.seed)
         spans = tuple((case.flight.epoch_s + float(case.flight["mocap"].time_s[0]),
                        case.flight.epoch_s + float(case.flight["mocap"].time_s[-1])) for case in cases)
@@ -88,7 +95,7 @@ class Chosen:
         options.say(f"plant identified from {found.flights} recordings; {priors} of {len(found.parameters)} parameters "
                     "are priors")
         return cls(dumps(found.model), (found.model.names, found.draws.tolist()), spans,
-                   f"identified from {found.flights} recordings in {', '.join(map(str, train))}")
+                   f"identified from {found.flights} recordings in {where}")
 
 
 @dataclass(frozen=True)

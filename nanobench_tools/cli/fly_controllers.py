@@ -57,14 +57,12 @@ def _is_predictive(kind: type) -> bool:
 
 def _predictive(name: str, kind: Any, setpoints: str, simulator: Path | None) -> Pilot:
     from controllers.mpc.disturbance import Tuning
+    from controllers.plants.served_vehicle import served_simulator
 
+    from ..physics.simulator import loads, read_simulator
     from ..radio.fly.predictive import PlannedPilot
 
-    model = None
-    if simulator is not None:
-        from ..physics.simulator import read_simulator
-
-        model = read_simulator(simulator)
+    model = loads(served_simulator()) if simulator is None else read_simulator(simulator)
     if setpoints != "thrust-rates":
         raise UsageError(f"--setpoints: {name} plans for motors; it is sent as thrust-rates")
 

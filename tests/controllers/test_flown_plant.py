@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from controllers.mpc.prediction_model import practice_model
 from controllers.plants.closed_loop import fly
 from controllers.plants.ensemble import draw, shipped_draws, shipped_simulator
 from controllers.plants.kalman_senses import Onboard
-from controllers.plants.plant import Cell, Plant, Trace, closed_loop_model, hover_ratio
+from controllers.plants.plant import Cell, Plant, Trace, closed_loop_model, hover_ratio, share_of_firmware
 from controllers.plants.senses import Late, Sensing
 from nanobench_tools import so3
 from nanobench_tools.errors import InputError, UsageError
@@ -15,7 +16,7 @@ from nanobench_tools.methods import Reference
 from nanobench_tools.physics import Model, Vehicle, numeric
 from nanobench_tools.physics.simulator import loads
 
-MODEL = loads(shipped_simulator())
+MODEL = loads(shipped_simulator()).without("command_delay")
 QUIET = Sensing(error=0.0, noise=0.0, pose_noise_m=0.0)
 
 
@@ -49,6 +50,21 @@ def test_it_hovers_where_thrust_carries_the_weight():
     assert np.abs(one.state[:6, 0] - [0, 0, 1, 0, 0, 0]).max() < 2e-3
     lift = one.state[13:, 0].sum()
     assert lift == pytest.approx(MODEL.vehicle.mass_kg * 9.81, rel=1e-4)
+
+
+def test_the_share_of_the_firmwares_thrust_is_the_scale_of_its_own_curve():
+    bare = practice_model().without("thrust_scale")
+    assert share_of_firmware(bare) == pytest.approx(1.0, abs=1e-6)
+    assert share_of_firmware(bare.with_term("thrust_scale", s=0.9)) == pytest.approx(0.9, abs=1e-6)
+
+
+def test_the_shipped_vehicle_is_a_physical_one():
+    """Inertia as of a swung Crazyflie of 28 g (Foerster 2015) and in the firmware's Lee controller (32.7 g); motors as
+    slow as rotor speed shows in brushed logs; a yaw moment as on stands."""
+    inertia = MODEL.values_of("inertia")["inertia_kg_m2"]
+    assert 1.4e-5 < min(inertia[:2]) <= max(inertia[:2]) < 2.1e-5 < inertia[2] < 4.0e-5
+    assert MODEL.values_of("motor_lag")["tau_down_s"] > MODEL.values_of("motor_lag")["tau_up_s"] > 0.04
+    assert 5e-3 < MODEL.values_of("yaw_torque")["k_m"] < 8e-3
 
 
 def test_it_falls_freely_without_thrust_and_keeps_its_energy():
@@ -190,7 +206,7 @@ def test_an_ensemble_is_the_same_in_any_company_and_its_first_plant_is_the_media
     assert ((many.delay_s >= 0.010) & (many.delay_s <= 0.040)).all()
     assert ((many.hover_V >= 3.2) & (many.hover_V <= 3.9)).all()
     names, rows = shipped_draws()
-    assert names == MODEL.names
+    assert names == loads(shipped_simulator()).names
     assert len(rows) >= 50
     one = few.plant(np.array([[0, 0, 1.0]] * 2))
     assert np.allclose(one.battery_V, few.hover_V)

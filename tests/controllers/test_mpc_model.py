@@ -17,7 +17,9 @@ from nanobench_tools.errors import InputError, MissingExtraError, how_to_install
 from nanobench_tools.physics import numeric, rollout
 from nanobench_tools.physics.model import Model
 
-MODEL = prediction_model.default_model()
+LAG_S = 0.06
+MODEL = prediction_model.default_model().without("command_delay").with_parameters(
+    {"motor_lag.tau_up_s": LAG_S, "motor_lag.tau_down_s": LAG_S})  # predictions know one lag
 
 
 @functools.cache

@@ -9,10 +9,9 @@ import pytest
 from scipy.signal import butter, lfilter
 from scipy.spatial.transform import Rotation
 
-from controllers.plants.ensemble import shipped_simulator
 from controllers.plants.plant import Plant
 from controllers.plants.served_loop import touch
-from controllers.plants.served_vehicle import ServedVehicle, served
+from controllers.plants.served_vehicle import ServedVehicle, served, served_simulator
 from nanobench_tools import so3
 from nanobench_tools.errors import InputError
 from nanobench_tools.firmware.stabilizer import Stabilizer, believe, sense
@@ -42,7 +41,7 @@ class Cell:
 
 @pytest.mark.parametrize("delay_s", [None, 0.0125])
 def test_the_physics_are_the_plants(delay_s: float | None) -> None:
-    model = loads(shipped_simulator())
+    model = loads(served_simulator())
     if delay_s is not None:
         model = model.with_term("command_delay", delay_s=delay_s)
     vehicle = ServedVehicle(model, battery_V=4.0, noise=0.0, air=0.0)
@@ -213,7 +212,7 @@ def test_an_abandoned_vehicle_levels_out_falls_and_stays_on_the_ground() -> None
 
 
 def test_a_weak_motor_is_felt_and_not_shown() -> None:
-    model = loads(shipped_simulator()).with_term("motor_imbalance", g=(0.85, 1.05, 1.05, 1.05))
+    model = loads(served_simulator()).with_term("motor_imbalance", g=(0.85, 1.05, 1.05, 1.05))
     flight = Flight.__new__(Flight)
     flight.vehicle = ServedVehicle(model)
     flight.onboard = Onboard(flight.vehicle, Build(positioning=True))
