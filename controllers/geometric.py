@@ -35,18 +35,13 @@ LAG_S = number("control.geometric.lag_s")
 ERROR_LIMITS = setting("control.geometric.error_limits")
 
 
-def tunable_for(lag_s: float) -> dict[str, Gain]:
-    """Gains for motors with this lag [s]. Motors slower than LAG_S need more damping of rates, a slower position loop
-    and slower integrals; faster ones fly with the same gains."""
-    slow = min(1.0, math.sqrt(LAG_S / max(lag_s, LAG_S)))
-    return {
-        "position_level": around(slow * POSITION_1_S2[0], "1/s^2"), "position_up": around(POSITION_1_S2[2], "1/s^2"),
-        "velocity_level": around(math.sqrt(slow) * VELOCITY_1_S[0], "1/s"),
-        "velocity_up": around(VELOCITY_1_S[2], "1/s"),
-        "integral_level": around(slow * INTEGRAL_1_S3[0], "1/s^3"), "integral_up": around(INTEGRAL_1_S3[2], "1/s^3"),
-        "rotation_tilt": around(ROTATION_1_S2[0], "1/s^2"), "rotation_yaw": around(ROTATION_1_S2[2], "1/s^2"),
-        "rate_tilt": around(RATE_1_S[0] / slow, "1/s"), "rate_yaw": around(RATE_1_S[2], "1/s"),
-        "turn_integral": around(slow**2 * TURN_INTEGRAL_1_S3[0], "1/s^3")}
+TUNABLE = {
+    "position_level": around(POSITION_1_S2[0], "1/s^2"), "position_up": around(POSITION_1_S2[2], "1/s^2"),
+    "velocity_level": around(VELOCITY_1_S[0], "1/s"), "velocity_up": around(VELOCITY_1_S[2], "1/s"),
+    "integral_level": around(INTEGRAL_1_S3[0], "1/s^3"), "integral_up": around(INTEGRAL_1_S3[2], "1/s^3"),
+    "rotation_tilt": around(ROTATION_1_S2[0], "1/s^2"), "rotation_yaw": around(ROTATION_1_S2[2], "1/s^2"),
+    "rate_tilt": around(RATE_1_S[0], "1/s"), "rate_yaw": around(RATE_1_S[2], "1/s"),
+    "turn_integral": around(TURN_INTEGRAL_1_S3[0], "1/s^3")}
 
 
 def slowest_lag_s(model: Model) -> float:
@@ -54,11 +49,10 @@ def slowest_lag_s(model: Model) -> float:
     return max([LAG_S, *model.values_of("motor_lag").values()]) if "motor_lag" in model else LAG_S
 
 
-def parameters(vehicle: Vehicle, gains: Mapping[str, float] | None = None, lag_s: float = LAG_S) -> np.ndarray:
-    """(1,) PARAMETERS of the firmware's controller for a vehicle with motors of this lag; ``gains`` by the names of
-    ``tunable_for``."""
+def parameters(vehicle: Vehicle, gains: Mapping[str, float] | None = None) -> np.ndarray:
+    """(1,) PARAMETERS of the firmware's controller for a vehicle; ``gains`` by the names of TUNABLE."""
     found = lee.defaults()
-    k = whole(tunable_for(lag_s), gains, "geometric")
+    k = whole(TUNABLE, gains, "geometric")
 
     def three(name: str, other: str) -> tuple[float, float, float]:
         first = k[f"{name}_{'tilt' if other == 'yaw' else 'level'}"]
@@ -75,15 +69,22 @@ def parameters(vehicle: Vehicle, gains: Mapping[str, float] | None = None, lag_s
 
 
 class Geometric(Lee):
-    """Geometric control on SE(3): full references in (position to jerk, yaw and its rate), motor PWM out, at 500 Hz."""
+    """Geometric control on SE(3): full references in (position to jerk, yaw and its rate), motor PWM out, at 500 Hz.
+
+    Torques for motors slower than LAG_S pass a lead, behind which a motor with ``lag_s`` follows like one with LAG_S.
+    """
 
     name = "geometric"
-    tunable: Mapping[str, Gain] = tunable_for(LAG_S)
+    tunable: Mapping[str, Gain] = TUNABLE
 
     def __init__(self, vehicle: Vehicle | None = None, thrust_scale: float = THRUST_SCALE,
                  gains: Mapping[str, float] | None = None, lag_s: float = LAG_S) -> None:
-        super().__init__(parameters(vehicle or Vehicle(), gains, lag_s))
-        self.thrust_scale, self.tunable = thrust_scale, tunable_for(lag_s)
+        super().__init__(parameters(vehicle or Vehicle(), gains))
+        self.thrust_scale, self.lead = thrust_scale, max(lag_s / LAG_S, 1.0)
+
+    def reset(self, n: int) -> None:
+        super().reset(n)
+        self._followed_N_m = np.zeros((n, 3))
 
     def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
         """PWM ratios (n, 4), finite and within 0..1 for any input; drag along the reference is fed forward."""
@@ -92,6 +93,10 @@ class Geometric(Lee):
         return super().command(time_s, state, replace(reference, acceleration_m_s2=pushed))
 
     def _drive(self, control: np.ndarray, battery_V: np.ndarray) -> np.ndarray:
+        wanted = control["torque_N_m"].astype(float)
+        share = 1.0 - math.exp(-1e-3 * self._motors.milliseconds / LAG_S)
+        self._followed_N_m += share * (wanted - self._followed_N_m)
+        control["torque_N_m"] = self.lead * wanted - (self.lead - 1.0) * self._followed_N_m
         for name in ("thrust_N", "torque_N_m"):
             control[name] /= self.thrust_scale
         return super()._drive(control, battery_V)
