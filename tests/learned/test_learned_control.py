@@ -128,7 +128,7 @@ def test_plan_moves_to_what_costs_less_and_stays_possible():
 
 @pytest.mark.parametrize("step_s", [0.01, 0.02])
 def test_plans_cost_what_the_equations_of_the_model_say(step_s):
-    model = loads(shipped_simulator())
+    model = loads(shipped_simulator()).without("command_delay")
     rng = np.random.default_rng(0)
     settings = MppiSettings(horizon=3, step_s=step_s, upright=2.0, turning=0.01, effort=0.3)
     start = np.concatenate([rng.normal(size=(2, 6)), [[0.1, -0.05, 0.02, 0.99]] * 2, rng.normal(size=(2, 3)),
