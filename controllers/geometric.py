@@ -93,7 +93,7 @@ class Geometric(Lee):
         return super().command(time_s, state, replace(reference, acceleration_m_s2=pushed))
 
     def _drive(self, control: np.ndarray, battery_V: np.ndarray) -> np.ndarray:
-        wanted = control["torque_N_m"].astype(float)
+        wanted = np.nan_to_num(control["torque_N_m"].astype(float))  # one that is no number must not stay
         share = 1.0 - math.exp(-1e-3 * self._motors.milliseconds / LAG_S)
         self._followed_N_m += share * (wanted - self._followed_N_m)
         control["torque_N_m"] = self.lead * wanted - (self.lead - 1.0) * self._followed_N_m

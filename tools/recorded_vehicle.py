@@ -13,6 +13,7 @@ from pathlib import Path
 
 from nanobench_tools.auditing.selection import distinct
 from nanobench_tools.cli.control_plants import SHIPPED_GATE, Chosen, gate_body
+from nanobench_tools.errors import NanobenchError
 from nanobench_tools.physics.simulator import dumps, loads
 from nanobench_tools.protocols.completed import completed
 from nanobench_tools.protocols.gate import GateSummary
@@ -80,4 +81,7 @@ def main(data: Sequence[Path], out: Path = OUT) -> None:
 
 
 if __name__ == "__main__":
-    main([Path(one) for one in sys.argv[1:]])
+    try:
+        main([Path(one) for one in sys.argv[1:]])
+    except NanobenchError as error:
+        sys.exit(str(error))

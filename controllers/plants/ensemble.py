@@ -39,8 +39,8 @@ def shipped_simulator() -> str:
 
 
 def shipped_draws() -> tuple[tuple[str, ...], np.ndarray]:
-    """(names, values (k, P)) of its parameters with resampled training flights. Flights alone, not sessions, so they
-    are somewhat too narrow (12, 1 and 2 of the flights are of three sessions). ``--train`` resamples sessions."""
+    """(names, values (k, P)) of its parameters: sessions of the training flights drawn anew, then flights, and priors.
+    Of the flights, 12, 1 and 2 are of the three sessions, so the draws are somewhat too narrow."""
     with resources.files(__package__).joinpath(DRAWS).open(encoding="utf-8") as lines:
         names, *rows = list(csv.reader(lines))
     return tuple(names), np.array(rows, float)

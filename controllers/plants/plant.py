@@ -181,7 +181,8 @@ def hover_ratio(model: Model, battery_V: np.ndarray, parameters: np.ndarray | No
 
 
 def share_of_firmware(model: Model) -> float:
-    """Thrust of ``model`` at hover over what the firmware's thrust curve promises for that voltage."""
+    """Thrust of a rotor of ``model`` at hover over what the firmware's thrust curve promises for that motor voltage, at
+    REST_BATTERY_V. Raises InputError as ``closed_loop_model``."""
     volts = np.array([REST_BATTERY_V])
-    hover_N = model.vehicle.mass_kg * model.vehicle.gravity_m_s2 / len(model.vehicle.spin)
-    return hover_N / float(thrust_of_voltage(hover_ratio(model, volts) * volts)[0])
+    hover_N = closed_loop_model(model).values_of("mass")["m"] * model.vehicle.gravity_m_s2 / model.rotors
+    return float(hover_N / thrust_of_voltage(hover_ratio(model, volts) * volts)[0])

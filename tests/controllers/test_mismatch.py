@@ -70,7 +70,8 @@ def test_mpc_flies_every_case_of_mismatch_and_loses_no_vehicle(names, monkeypatc
     controller = made("mpc_daqp", MODEL, BELIEVED_RADIO_S)
     (found,) = score(flown(controller, paths, crowd), paths, len(crowd), controller.period_s)
     errors = dict(zip(names, (one["rmse_m"] for one in found), strict=True))
-    assert max(errors.values()) < 0.10, errors  # 20 ms of radio that it is not told of cost most
+    assert errors.pop("radio +20 ms", 0.0) < 0.15  # 0.09 m: slow motors leave little margin for it
+    assert max(errors.values()) < 0.08, errors
     assert errors["as told"] < 0.03
     assert controller.counts["solver"] == 0
 
