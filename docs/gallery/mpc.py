@@ -3,6 +3,9 @@
 #
 # The same controller objects fly the simulator and a real vehicle over a radio. Here a linear MPC and geometric
 # control fly one SYNTHETIC circle, and the onboard controller does.
+#
+# The circle begins a metre away from where the vehicle hovers, as in recorded flights. In so short a flight most of the
+# error is the way there.
 
 # %%
 import plotly.graph_objects as go
