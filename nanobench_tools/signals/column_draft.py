@@ -32,7 +32,7 @@ from ..sources.stand import is_a_stand
 from ..sources.tum_layout import NORM_TOLERANCE
 from ..units import GRAVITY_M_S2, factor
 from . import column_evidence as evidence
-from .draft import QUATERNION, TIME, ColumnDraft, Draft, Drafted, Key, as_toml
+from .draft import PITCH_ASSUMED, QUATERNION, TIME, ColumnDraft, Draft, Drafted, Key, as_toml
 from .draft_axes import judge_axes
 from .draft_frames import judge_frames
 from .draft_motion import judge_motion
@@ -79,8 +79,9 @@ def _name(draft: Draft, table: Table, path: Path) -> None:
     stem = path.name.partition(".")[0]
     topic = topic_in(stem)
     systems = recognised(names, topic)
+    frames = draft.frames
     if not topic and _like_px4(table):
-        systems = recognised(names, topic := "vehicle_local_position")
+        systems, frames = recognised(names, "vehicle_local_position"), draft.likely
     stated = {c: table.units.get(c) or unit_of(c) for c in names}
     for column, (known, title) in known_names(names, systems).items():
         key = (known.stream, known.quantity)
@@ -95,7 +96,7 @@ def _name(draft: Draft, table: Table, path: Path) -> None:
                 cells = table.values[column]
                 table.values[column] = np.where(cells == known.invalid, np.nan, cells)
             if known.frame:
-                draft.frames[known.stream] = known.frame
+                frames[known.stream] = known.frame
     left = [c for c in names if c not in draft.unknown and c not in {d.column for d in draft.mapped.values()}]
     axes = directed(left)
     found, why = guessed(left, taken=draft.mapped, called={column: name for column, (name, _) in axes.items()})
@@ -155,7 +156,7 @@ def _whose(draft: Draft) -> None:
                   "[streams.command]")
     pitch = draft.mapped.get(("attitude", "pitch"))
     if pitch is not None and pitch.why in ("", "stated"):
-        draft.notes.append(f"{pitch.column}: taken as positive nose down; write sign = -1 if it is positive nose up")
+        draft.notes.append(f"{pitch.column}{PITCH_ASSUMED}; write sign = -1 if it is positive nose up")
 
 
 def _like_px4(table: Table) -> bool:

@@ -15,6 +15,10 @@ from ..units import to_si
 QUATERNION = ("qx", "qy", "qz", "qw")
 Key = tuple[str, str]
 TIME: Key = ("", "time")
+PITCH_ASSUMED = ": taken as positive nose down"
+"""Words of the note on a pitch whose sign nothing shows."""
+
+
 @dataclass(frozen=True)
 class Drafted:
     """One column of the map. ``status``: known, shown or assumed; ``why``: the evidence in words; ``invalid``: the cell
@@ -32,10 +36,12 @@ class Drafted:
 
 @dataclass
 class Draft:
-    """State of a draft: columns by (stream, quantity), frames by stream, columns left out, and questions."""
+    """State of a draft: columns by (stream, quantity), frames by stream (``likely``: those of a guessed ecosystem),
+    columns left out, and questions."""
 
     mapped: dict[Key, Drafted] = field(default_factory=dict)
     frames: dict[str, str] = field(default_factory=dict)
+    likely: dict[str, str] = field(default_factory=dict)
     unknown: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     questions: list[str] = field(default_factory=list)

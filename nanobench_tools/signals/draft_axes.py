@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from ..settings import number
 from . import column_evidence as evidence
-from .draft import QUATERNION, Draft, Key
+from .draft import PITCH_ASSUMED, QUATERNION, Draft, Key
 from .flown_axes import UP, tilts_of
 from .quaternion_reading import FITS
 
@@ -204,7 +204,7 @@ def _angle_signs_by_path(draft: Draft, values: Mapping[str, np.ndarray], angles:
     if not follows[best] > FITS:
         return
     if best == (1.0, 1.0):
-        draft.notes[:] = [n for n in draft.notes if ": taken as positive nose down" not in n]
+        draft.notes[:] = [n for n in draft.notes if PITCH_ASSUMED not in n]
     elif best == (1.0, -1.0):
         _turn_pitch(draft, "the vehicle speeds up the other way")
     else:

@@ -11,7 +11,7 @@ from ..flight import Flight, Provenance, Stream, make_stream
 from ..sources.axes import frame_of, in_our_axes, name_of
 from . import column_evidence as evidence
 from .context import Context
-from .draft import Draft
+from .draft import PITCH_ASSUMED, Draft
 from .flown_axes import UP, ground_axes, tilts
 from .pose_frame import pose_frame
 from .shared_frame import SharedFrame, shared_frame
@@ -24,7 +24,9 @@ ROTATED = ("mocap", "attitude", "attitude_qw")
 
 
 def judge_frames(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarray) -> None:
-    """Names the frame of every stream in turned axes where the flight shows it, else asks or notes what to check."""
+    """Names the frame of every stream in turned axes where the flight shows it, else asks or notes what to check.
+
+    ``likely`` frames of the draft count where the flight shows none."""
     streams = _streams(draft, values, time_s)
     upright = False
     context = Context(Flight("draft", streams, {}, Provenance("draft", "", "table")))
@@ -40,6 +42,8 @@ def judge_frames(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndar
         usual = context.once(tilts)["x, y, z, w"].get((UP, UP))
         upright = (usual is not None and usual.flies) and context.once(other_height) is None
         upright |= UP in context.once(ground_axes)
+    for stream, frame in draft.likely.items():
+        draft.frames.setdefault(stream, frame)
     _down(draft, values, upright)
 
 
@@ -79,6 +83,8 @@ def _share(draft: Draft, shared: SharedFrame) -> None:
         parts = shared.axes.name.split("/")
         rotated = any((stream, q) in draft.mapped for q in ("qw", "roll"))
         draft.frames[stream] = parts[-1] if stream == "imu" else shared.axes.name if rotated else parts[0]
+    if "attitude" in streams:
+        draft.notes[:] = [n for n in draft.notes if PITCH_ASSUMED not in n]
     if streams:
         draft.notes.append(f"{', '.join(streams)}: in {shared.axes.name} axes, turned to z up and x forward, since "
                            f"{shared.why}")

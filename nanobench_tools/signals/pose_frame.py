@@ -76,7 +76,8 @@ def pose_frame(context: Context) -> PoseFrame:
         return PoseFrame(*best, _why_tilt(best, flying[best], usual))
     if ground and UP not in ground:
         world = next(iter(ground)) if len(ground) == 1 else None
-        upright = {body: tilt.upright for (w, body), tilt in found.items() if w == world and tilt.upright > UPRIGHT}
+        upright = {body: tilt.upright for (w, body), tilt in found.items() if w == world and (
+            tilt.upright > UPRIGHT or (tilt.upright > 0.0 and tilt.follows > OTHER_FOLLOWS))}
         body = max(upright, key=lambda b: upright[b]) if upright else world if not found else None
         return PoseFrame(world, body, _why_ground(ground))
     if order is None or not len(stored):

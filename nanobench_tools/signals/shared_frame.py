@@ -148,7 +148,8 @@ def _axes(found: dict[tuple[Axis, Axis], Tilt], usual: Tilt, ground: dict[Axis, 
         return world, body, (f"the estimate speeds up towards its tilt if {NAMES[world]} of the world and "
                              f"{NAMES[body]} of the body point up (correlation {flying[world, body].follows:+.2f}, "
                              f"else {usual.follows:+.2f})")
-    if set(ground) == {DOWN} and usual.upright > UPRIGHT and usual.follows < FOLLOWS:
+    steep = usual.upright > 0.0 and usual.follows < -OTHER_FOLLOWS
+    if set(ground) == {DOWN} and (steep or (usual.upright > UPRIGHT and usual.follows < FOLLOWS)):
         return DOWN, DOWN, (f"the estimated height goes {ground[DOWN]:.2f} m below the place where the vehicle rested, "
                             "and the attitude is upright there")
     return UP, UP, ""

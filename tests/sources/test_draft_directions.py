@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from test_draft_axes import G, flown
 
 from nanobench_tools.signals.column_draft import draft_columns
@@ -104,3 +105,49 @@ def test_axes_that_no_name_states_are_shown_by_the_flight(tmp_path, world, frame
     np.testing.assert_allclose(flight["mocap"]["px", "py", "pz"], p, atol=1e-5)
     if streams == "poses and imu":
         np.testing.assert_allclose(flight["imu"]["gyro_x", "gyro_y", "gyro_z"], w, atol=1e-5)
+
+
+def steep():
+    """``flown``, twice as wide and as fast: leaning by 40 degrees in most rows, at rest on the ground at both ends."""
+    step = 0.01
+    t = np.arange(0.0, 16.0, step)
+    ramp = np.clip((t - 2.0) / 3.0, 0.0, 1.0) * np.clip((14.0 - t) / 3.0, 0.0, 1.0)
+    ramp = ramp * ramp * (3.0 - 2.0 * ramp)
+    p = np.stack([2.0 * ramp * np.sin(2.0 * t), 2.0 * ramp * np.cos(2.0 * t), ramp], axis=1)
+    a = np.gradient(np.gradient(p, step, axis=0), step, axis=0)
+    up = (a + G) / np.linalg.norm(a + G, axis=1, keepdims=True)
+    left = np.cross(up, [1.0, 0.0, 0.0])
+    left /= np.linalg.norm(left, axis=1, keepdims=True)
+    turn = Rotation.from_matrix(np.stack([np.cross(left, up), left, up], axis=2))
+    w = np.vstack([(turn[:-1].inv() * turn[1:]).as_rotvec() / step, np.zeros(3)])
+    noise = 3e-4 * np.random.default_rng(7).standard_normal(p.shape)
+    return t, p + noise, np.gradient(p, step, axis=0), a, turn, w
+
+
+@pytest.mark.parametrize("path", [flown, steep])
+@pytest.mark.parametrize("plain", [True, False], ids=["plain names", "names of poses"])
+def test_a_table_in_ned_and_frd_as_a_whole_is_turned_as_a_whole(tmp_path, path, plain):
+    """Plain x, y, z and their velocity are like PX4's; Euler angles and IMU beside them are in its axes, too."""
+    t, p, v, a, turn, w = path()
+    of = Rotation.from_matrix(TO_NED @ turn.as_matrix() @ np.diag(DOWN))
+    turned = dict(zip(("roll", "pitch", "yaw"), of.as_euler("ZYX", degrees=True)[:, ::-1].T, strict=True)) if plain \
+        else dict(zip(("qx", "qy", "qz", "qw"), of.as_quat().T, strict=True))
+    table = {"timestamp": t, **dict(zip(("x", "y", "z") if plain else ("px", "py", "pz"), (p @ TO_NED.T).T,
+                                        strict=True)), **turned}
+    if plain:
+        table |= {f"v{axis}": c for axis, c in zip("xyz", (v @ TO_NED.T).T, strict=True)}
+    table |= {f"acc_{axis}": c for axis, c in zip("xyz", (DOWN * turn.inv().apply(a + G)).T, strict=True)}
+    table |= {f"gyro_{axis}": c for axis, c in zip("xyz", (DOWN * w).T, strict=True)}
+    rows = [",".join(table), *(",".join(f"{c:.7g}" for c in row) for row in zip(*table.values(), strict=True))]
+    (tmp_path / "flight.csv").write_text("\n".join(rows) + "\n")
+    draft = draft_columns(tmp_path / "flight.csv")
+    assert not any("nose" in note for note in draft.notes)
+    (tmp_path / "map.toml").write_text(draft.text)
+    (flight,) = load_recordings([tmp_path / "flight.csv"], columns=tmp_path / "map.toml", cache=False).flights
+    place, names = ("estimator", ("x", "y", "z")) if plain else ("mocap", ("px", "py", "pz"))
+    read = Rotation.from_euler("ZYX", flight["attitude"]["yaw", "pitch", "roll"]) if plain else \
+        Rotation.from_quat(flight["mocap"]["qx", "qy", "qz", "qw"])
+    np.testing.assert_allclose(flight[place][names], p, atol=1e-4)
+    np.testing.assert_allclose(flight["imu"]["acc_x", "acc_y", "acc_z"], turn.inv().apply(a + G), atol=1e-3)
+    np.testing.assert_allclose(flight["imu"]["gyro_x", "gyro_y", "gyro_z"], w, atol=1e-3)
+    assert (read.inv() * turn).magnitude().max() < 1e-3
