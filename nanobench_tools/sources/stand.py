@@ -43,6 +43,8 @@ _ALLOWED = {
 FULL_SHARE, FULL_PERCENT = 1.0, 100.0
 PULSES = (900.0, 2100.0)
 """What may be the length of a pulse in us (1000 to 2000, and trims)."""
+LEAST_FULL_US = 1200.0
+"""A series of pulses reaches at least this length."""
 LARGEST_COMMAND = {"pulse_us": PULSES, "%": (5.0, 105.0), "1": (0.05, 1.05),
                    "pwm16": (0.05 * PWM_FULL_SCALE, 1.05 * PWM_FULL_SCALE)}
 """Unit of a command -> what the largest one of a series may be: less turns no motor, more than full there is not."""
@@ -109,11 +111,17 @@ def heading(column: str) -> Heading | None:
     return Heading(column, stream, quantities, written or known[0].unit, bool(unit))
 
 
+def _in_unit(head: Heading, unit: str) -> Heading:
+    """The heading in the unit of a row of units, where its name states none."""
+    found = heading(f"{head.column} [{unit}]") if unit and not head.stated else None
+    return head if found is None else replace(found, column=head.column)
+
+
 class ThrustStand:
     """Source ``stand``."""
 
     name = "stand"
-    version = 3
+    version = 4
 
     def recognises(self, path: Path, head: bytes) -> bool:
         names = header_of(head)[0]
@@ -128,6 +136,7 @@ class ThrustStand:
     def read(self, path: Path, data: bytes, sheet: Sheet | None = None) -> Flight:
         known = [h for h in map(heading, dict.fromkeys(header_of(data[: 1 << 16])[0])) if h]
         grid = read_grid(data, str(path), numeric={h.column for h in known})
+        known = [_in_unit(h, grid.units.get(h.column, "")) for h in known]
         n = len(grid.lines)
         row, timed = _times(grid, n)
         silent = [h.column
@@ -216,6 +225,8 @@ def _streams(grid: Grid, known: list[Heading], row: np.ndarray, place: str) -> t
                 raise InputError(f"{place}: column {head.column}", "a thrust without a unit: g or N?",
                                  f"write it behind the name: {head.column} (g), (N) or (kgf)")
             head = replace(head, unit=_share(grid.columns[head.column], head.column, place))
+        if stream == "motor" and not head.stated and _pulses(grid.columns[head.column]):
+            head = replace(head, unit="pulse_us", quantities=head.quantities[:1])
         if head.unit in LARGEST_COMMAND and stream == "motor":
             _check_command(grid.columns[head.column], head, place)
         if head.unit not in allowed:
@@ -336,6 +347,12 @@ def _speed(streams: dict[str, Stream]) -> tuple[np.ndarray | None, str, tuple[in
     return None, "", (1, 1)
 
 
+def _pulses(values: np.ndarray) -> bool:
+    """Whether all numbers may be lengths of pulses in us, to the largest."""
+    return bool(PULSES[0] <= np.nanmin(values) and np.nanmax(values) <= PULSES[1]
+                and np.nanmax(values) > LEAST_FULL_US)
+
+
 def _share(values: np.ndarray, column: str, place: str) -> str:
     """The unit of a throttle that states none: a share, per cent, or pulses."""
     top, low = float(np.nanmax(values)), float(np.nanmin(values))
@@ -343,7 +360,7 @@ def _share(values: np.ndarray, column: str, place: str) -> str:
         return "1"
     if low >= 0.0 and FULL_SHARE < top <= FULL_PERCENT:
         return "%"
-    if low >= PULSES[0] and top <= PULSES[1]:
+    if _pulses(values):
         return "pulse_us"
     raise InputError(f"{place}: column {column}", f"values from {low:g} to {top:g}: a share, per cent or pulses?",
                      f"write its unit behind the name: {column} (%), (us) or (1)")

@@ -57,6 +57,30 @@ def test_commands_of_a_series_that_are_no_counts_of_16_bits_are_refused(tmp_path
     assert f"column pwm: reaches {full:g}, and in pwm16 a series reaches 3277" in load(tmp_path).failed[0]["error"]
 
 
+@pytest.mark.parametrize("names", ["PWM,", "pwm1,pwm2,pwm3,pwm4,"])
+def test_a_pwm_in_the_length_of_pulses_is_one(tmp_path, names):
+    """1000 us is 0 and 2000 us is 1, with one motor a column."""
+    count = names.count(",")
+    rows = "".join(f"{f'{u},' * count}{(0.001 * (u - 1000)) ** 2:.6f},16,{20 * (u - 1000)}\n"
+                   for u in range(1000, 2001, 50))
+    (tmp_path / "a.csv").write_text(f"{names}Thrust (kgf),Volts,RPM\n{rows}")
+    flight, = load(tmp_path).flights
+    assert len(flight["motor"].quantities) == count
+    np.testing.assert_allclose(flight["stand"]["thrust"], 9.80665 * flight["motor"]["m1"] ** 2, rtol=1e-3, atol=1e-6)
+    np.testing.assert_allclose(flight["rpm"]["m1"], 20000 * flight["motor"]["m1"] * np.pi / 30, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("unit", "newton"), [("N", 1.0), ("g", 9.80665e-3), ("kgf", 9.80665), ("-", 9.80665e-3)])
+def test_a_row_of_units_counts_where_the_names_state_none(tmp_path, unit, newton):
+    """``weight`` alone is in grams, and a voltage in volts."""
+    rows = "".join(f"{u},{u * u / newton / 120000:.9f},{3900 - u}\n" for u in range(0, 101, 5))
+    (tmp_path / "a.csv").write_text(f"throttle,weight,vbat\n%,{unit},mV\n{rows}")
+    flight, = load(tmp_path).flights
+    command = 100 * flight["motor"]["m1"]
+    np.testing.assert_allclose(flight["stand"]["thrust"], command**2 / 120000, rtol=1e-3, atol=1e-6)
+    np.testing.assert_allclose(flight["battery"]["vbat"], 3.9 - 1e-3 * command)
+
+
 @pytest.mark.parametrize(("speed", "thrust"), [(1 / 60, 1.0), (0.10472, 1.0), (1e-3, 1.0), (1.0, 1e-3), (1.0, 1.0)])
 def test_thrust_that_no_propeller_has_at_its_speed_is_refused(tmp_path, speed, thrust):
     """Four propellers of 45 mm with 24 000 rpm at full command, C_T 0.1: tips at 57 m/s. In rev/s, rad/s, thousands,
@@ -147,7 +171,7 @@ def test_unknown_unit_names_the_column(tmp_path):
 
 
 def test_heading():
-    assert heading("rpm") is None
+    assert heading("rpm").quantities == ("m1",)
     assert heading("temperature[C]") is None
     found = [heading(name).quantities for name in ("pwm", "pwm3", "rpm_2", "RPM motor 4", "pwm2 (us)", "PWM (us)")]
     assert found == [("m1", "m2", "m3", "m4"), ("m3",), ("m2",), ("m4",), ("m2",), ("m1",)]
