@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from nanobench_tools import so3
-from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
+from nanobench_tools.harness.audits import audit_and_clocks_item
 from nanobench_tools.harness.clocks import on_clock
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.adapters.given import Simulator
@@ -221,8 +221,11 @@ def _named(wrench: Wrench, space: Space, simulator: Model, say: Callable[[str], 
 
 def recorded(flights: Sequence[Flight], with_battery: bool = True, vehicle: Vehicle | None = None) -> Recordings:
     """Flights as they were read: audited, and put on the motion capture's clock; see ``look_over``."""
-    audits = {flight.name: audit(flight) for flight in flights}
-    moved = on_clock(flights, audits, "joint")  # no logged estimate is judged here
+    clock = ("joint", ())  # no logged estimate is judged here
+    found = {flight.name: audit_and_clocks_item(flight, [clock]) for flight in flights}
+    audits = {name: both.audit for name, both in found.items()}
+    moved = on_clock(flights, audits, *clock,
+                     known={(name, clock): both.time_offsets[0] for name, both in found.items()})
     return look_over(flights, audits, moved.flights, moved.audits, with_battery, vehicle)
 
 

@@ -24,6 +24,7 @@ from nanobench_tools.physics import Model
 from nanobench_tools.physics.inputs import rows
 from nanobench_tools.physics.numeric import equations
 from nanobench_tools.physics.rollout import compiled_lagged
+from nanobench_tools.physics.term import Stage
 from nanobench_tools.settings import count, number
 
 from .commanded import UNASKED, WHY, WHY_STILL
@@ -32,6 +33,10 @@ from .track import ROW_S, Track, joined
 SMOOTH_S = number("mismatch.wrench.smooth_s")
 FORCE_ROWS = count("mismatch.wrench.force_rows")
 TORQUE_ROWS = count("mismatch.wrench.torque_rows")
+TO_THRUST = frozenset((Stage.INPUT_DELAY, Stage.INPUT_LIMIT, Stage.THRUST_MAP, Stage.THRUST_LIMIT, Stage.THRUST_SCALE,
+                       Stage.MOTOR_GAIN, Stage.LAG))
+"""From commands to the thrusts that rotors have."""
+KEPT_THRUSTS = 4
 CHANNELS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
 """Of a residual, as accelerations of the body: m/s^2 and rad/s^2."""
 
@@ -62,6 +67,7 @@ class Wrench:
     slopes: dict[tuple[Any, ...], tuple[np.ndarray, ...]] = field(default_factory=dict, repr=False)
     """Known effects of parameters, see ``fitting.slopes``."""
     _known: dict[tuple[Any, ...], tuple[np.ndarray, np.ndarray]] = field(default_factory=dict, repr=False)
+    _thrusts: dict[tuple[Any, ...], tuple[np.ndarray, np.ndarray]] = field(default_factory=dict, repr=False)
 
     @cached_property
     def unasked(self) -> tuple[str, ...]:
@@ -114,6 +120,12 @@ class Wrench:
         return joined(self.tracks, "quaternion")
 
     @cached_property
+    def _state(self) -> np.ndarray:
+        """(13, rows)."""
+        parts = ("position_m", "velocity_m_s", "quaternion", "rate_rad_s")
+        return np.ascontiguousarray(np.concatenate([joined(self.tracks, part) for part in parts], axis=1).T)
+
+    @cached_property
     def battery_V(self) -> np.ndarray:
         """Battery voltage [V] wherever the residual is judged."""
         return np.asarray(joined(self.tracks, "battery_V")[self._judged])
@@ -148,12 +160,20 @@ class Wrench:
         return self._of_thrust(model, parameters, *self.thrust(model, parameters))
 
     def thrust(self, model: Model, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(n, rows) thrusts [N] from the commands, lagged where rotors lag, and the commanded thrusts."""
-        inputs = self._inputs(model, values)
-        flat = np.concatenate(inputs)
-        thrust = np.stack([np.broadcast_to(c, len(flat))
-                           for c in equations(model, ROW_S, values).command(list(flat.T))])
-        return (self._lagged(model, values, inputs, thrust) if "motor_lag" in model else thrust), thrust
+        """(n, rows) thrusts [N] from the commands, lagged where rotors lag, and the commanded thrusts. The latest ones
+        are kept: most parameters change none."""
+        concerned = [k for k, slot in enumerate(model.slots) if not TO_THRUST.isdisjoint(slot.term.acts)]
+        key = *model.structure, values[concerned].tobytes()
+        if key not in self._thrusts:
+            if len(self._thrusts) >= KEPT_THRUSTS:
+                self._thrusts.pop(next(iter(self._thrusts)))
+            inputs = self._inputs(model, values)
+            flat = np.concatenate(inputs)
+            thrust = np.stack([np.broadcast_to(c, len(flat))
+                               for c in equations(model, ROW_S, values).command(list(flat.T))])
+            lagged = self._lagged(model, values, inputs, thrust) if "motor_lag" in model else thrust
+            self._thrusts[key] = lagged, thrust
+        return self._thrusts[key]
 
     def _of_thrust(self, model: Model, values: np.ndarray, thrust: np.ndarray,
                    command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -165,9 +185,7 @@ class Wrench:
                 command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(rows, 3) acceleration, world, and angular acceleration, body."""
         made = equations(model, ROW_S, values)
-        state = np.concatenate([joined(self.tracks, f) for f in ("position_m", "velocity_m_s", "quaternion",
-                                                                  "rate_rad_s")], axis=1)
-        slope = made.body(list(state.T), list(thrust), list(command))
+        slope = made.body(list(self._state), list(thrust), list(command))
         acceleration, turning = (np.stack([np.broadcast_to(s, len(self.track)) for s in slope[k:k + 3]], 1)
                                  for k in (3, 10))
         return acceleration, turning

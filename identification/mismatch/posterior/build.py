@@ -44,7 +44,7 @@ class Case:
     def across(self, asked: Seen) -> Products:
         """Inner products of the k columns ``asked`` with the nuisance columns (term errors, background) and with
         themselves."""
-        return self.rows.products(self.beside_all + asked, asked)
+        return self.rows.products((self.beside_all, asked), asked)
 
     def beside(self, across: Products, chosen: tuple[int, ...], without: Sequence[int] = ()) -> np.ndarray:
         """(k, k) inner products of the columns of ``across``, with the nuisance columns integrated out; ``without``
@@ -82,7 +82,8 @@ def build(wrench: Wrench, space: Space, simulator: Model, seed: int = 0) -> Case
     rows = rows_of(wrench, residual, forces, torques, prior)
     beside, left = rows.of(forces, torques), rows.of(residual[0][..., None], residual[1][..., None])
     numbers = np.unique(wrench.flight[wrench.force_at])
-    grams = rows.products(beside + left, beside + left)
+    whole = beside + left
+    grams = rows.products((whole,), whole)
     work = np.stack([part[:, k].T @ part[:, k] / max(len(part), 1)
                      for part in (force, torque * arm[None, :, None]) for k in range(3)])
     evidence = Evidence(effects, background, grams.of(np.ones(len(numbers), bool)), owner, unit, lower * unit,

@@ -12,6 +12,7 @@ is that of a coloured residual (Newey and West 1987).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -92,20 +93,21 @@ class Turning:
 
 @dataclass(frozen=True)
 class Seen:
-    """Projection of C columns onto the data: forces (R, C) in standard deviations, and instruments (G, K, C)."""
+    """Projection of C columns onto the data: forces of each flight (R, C) in standard deviations, and instruments (G,
+    K, C)."""
 
-    force: np.ndarray
+    force: tuple[np.ndarray, ...]
     turning: tuple[np.ndarray, ...]
 
     def __add__(self, other: Seen) -> Seen:
         """The columns of both."""
-        return Seen(np.concatenate([self.force, other.force], axis=-1),
-                    tuple(np.concatenate([a, b], axis=-1) for a, b in zip(self.turning, other.turning, strict=True)))
+        return Seen(*(tuple(np.concatenate(pair, axis=-1) for pair in zip(mine, theirs, strict=True))
+                      for mine, theirs in ((self.force, other.force), (self.turning, other.turning))))
 
     @property
     def many(self) -> int:
         """Columns."""
-        return int(self.force.shape[-1])
+        return int(self.force[0].shape[-1])
 
 
 @dataclass(frozen=True)
@@ -144,7 +146,8 @@ class Rows:
 
     def of(self, force: np.ndarray, torque: np.ndarray) -> Seen:
         """(N, 3, C) m/s^2 and (M, 3, C) rad/s^2."""
-        return Seen(np.concatenate([axis.of(force[:, k]) for k, axis in enumerate(self.forces)]),
+        whole = np.concatenate([axis.of(force[:, k]) for k, axis in enumerate(self.forces)])
+        return Seen(tuple(whole[self.flight == f] for f in range(self.flights)),
                     tuple(t.of(torque) for t in self.turnings))
 
     def seen_of(self, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -156,11 +159,13 @@ class Rows:
             whole[t.axis] += (here**2).sum(0)
         return parts, whole
 
-    def products(self, one: Seen, other: Seen) -> Products:
-        """Inner products, flight by flight."""
-        each = (self.flight == f for f in range(self.flights))
-        return Products(self, np.stack([one.force[mine].T @ other.force[mine] for mine in each]),
-                        tuple(zip(one.turning, other.turning, strict=True)))
+    def products(self, ones: Sequence[Seen], other: Seen) -> Products:
+        """Inner products of the columns of all ``ones`` with those of another, flight by flight."""
+        force = [np.concatenate([one.T @ mine for one in each])
+                 for *each, mine in zip(*(seen.force for seen in (*ones, other)), strict=True)]
+        sides = [(np.concatenate(each, axis=-1), mine)
+                 for *each, mine in zip(*(seen.turning for seen in (*ones, other)), strict=True)]
+        return Products(self, np.stack(force), tuple(sides))
 
 
 def rows_of(wrench: Wrench, residual: tuple[np.ndarray, np.ndarray], force: np.ndarray, torque: np.ndarray,

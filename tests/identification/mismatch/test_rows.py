@@ -69,10 +69,10 @@ def test_set_points_find_the_gain_that_feedback_and_noisy_inputs_hide():
 
 
 def test_columns_of_both_stand_beside_each_other():
-    one, other = (Seen(np.full((3, k), float(k)), (np.full((2, 4, k), float(k)),)) for k in (1, 2))
+    one, other = (Seen((np.full((3, k), float(k)),), (np.full((2, 4, k), float(k)),)) for k in (1, 2))
     both = one + other
     assert both.many == 3
-    assert both.force[0].tolist() == [1.0, 2.0, 2.0]
+    assert both.force[0][0].tolist() == [1.0, 2.0, 2.0]
     assert both.turning[0][0, 0].tolist() == [1.0, 2.0, 2.0]
 
 

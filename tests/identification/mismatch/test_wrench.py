@@ -7,7 +7,8 @@ import pytest
 from carried_tracks import wrench_of
 from scipy.ndimage import convolve1d
 
-from identification.mismatch.wrench import TORQUE_ROWS, kernel
+from identification.mismatch.space import space_around
+from identification.mismatch.wrench import TORQUE_ROWS, Wrench, kernel
 from nanobench_tools import so3
 
 
@@ -47,8 +48,6 @@ def test_a_push_in_the_world_is_seen_in_the_body(model):
 def test_turning_the_room_changes_nothing(model):
     from dataclasses import replace
 
-    from identification.mismatch.wrench import Wrench
-
     wrench = wrench_of(model, flights=1)
     turn = so3.from_euler_zyx(0.0, 0.0, 1.1)
     track = wrench.tracks[0]
@@ -62,3 +61,13 @@ def test_turning_the_room_changes_nothing(model):
 def test_stretches_of_torque_stay_on_one_track(model):
     wrench = wrench_of(model, flights=2, seconds=8.0)
     assert np.array_equal(wrench.track[wrench.torque_at], wrench.track[wrench.torque_at + TORQUE_ROWS])
+
+
+def test_thrusts_are_kept_only_while_nothing_that_makes_them_changes(model):
+    wrench, around = wrench_of(model, flights=1, seconds=8.0), space_around(model).model
+    by = 0.01 * np.maximum(np.abs(around.values), 0.1)
+    moved = [around.values + by * (np.arange(len(by)) == k) for k in range(len(by))]
+    for values in (around.values, *moved, *moved):
+        fresh = Wrench(wrench.tracks).thrust(around, values)
+        for one, other in zip(wrench.thrust(around, values), fresh, strict=True):
+            np.testing.assert_array_equal(one, other)
