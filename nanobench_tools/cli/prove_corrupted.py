@@ -58,7 +58,7 @@ def corrupted(options: Options, place: str, n: int | None, engine: str, vehicles
     cases = [c for mine in of.values()
              for c in drawn([c for g in mine for c in cases_of(g, options.seed, options.say)], n, options.seed)]
     options.say(f"{len(cases)} cases on {len(found)} groups of real flights, engine {chosen.name}")
-    verdicts = run(Judge(chosen, found, options.seed), cases, options.say)
+    verdicts = run(Judge(chosen, found, options.seed), cases, options.run)
     proof = CorruptedProof.of(chosen.name, options.seed, score_all(cases, verdicts))
     show(options, proof)
     return proof

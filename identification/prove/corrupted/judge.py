@@ -1,21 +1,24 @@
-"""Diagnoses the cases of the test bed; every verdict is kept, so that a killed run goes on where it was."""
+"""Diagnoses the cases of the test bed, on several processes if asked."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from nanobench_tools.errors import NanobenchError
+from nanobench_tools.harness.items import Item
+from nanobench_tools.harness.runner import RunResult, run_items
+from nanobench_tools.harness.store import user_store
 from nanobench_tools.results.result import Result, to_json
 
 from .cases import CorruptedCase
 from .engines import Engine
 from .groups import Group
-from .kept_results import kept, key_of
+from .kept_results import key_of
 from .nominal import from_values
 from .sizes import VISIBLE, errors
 
@@ -37,44 +40,45 @@ class Diagnosed(Result):
     error: str = ""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Judge:
     """An engine on the cases of groups."""
 
     engine: Engine
     groups: Sequence[Group]
     seed: int = 0
-    _usual: dict[str, np.ndarray] = field(default_factory=dict)
 
-    def diagnose(self, case: CorruptedCase) -> Diagnosed:
-        """From the cache where the same was diagnosed before by the same code."""
+    def item(self, case: CorruptedCase) -> Item:
+        """The work on one case; the same code gives the same key."""
         group = next(g for g in self.groups if (g.vehicle, g.number) == (case.vehicle, case.group))
-        key = key_of("verdict", self.engine.name, self.engine.code, group.key, case.key, self.seed)
-        found: Diagnosed = kept(key, Diagnosed, lambda: self._made(group, case))
-        return found
+        key = key_of("diagnosed", self.engine.name, self.engine.code, group.key, case.key, self.seed)
+        return Item(key, diagnosed, {"engine": self.engine, "group": group, "case": case, "seed": self.seed},
+                    f"diagnose {case.name}", case.name)
 
-    def _made(self, group: Group, case: CorruptedCase) -> Diagnosed:
-        start = time.process_time()
-        try:
-            verdict = to_json(self.engine.diagnose(case.recordings, case.simulator, self.seed))
-        except Exception as error:  # an engine that is being written may fail in any way; the other cases go on
-            why = str(error) if isinstance(error, NanobenchError) else f"{type(error).__name__}: {error}"
-            return Diagnosed({"outcome": "error", "findings": []}, None, time.process_time() - start, why)
-        spent = time.process_time() - start
-        return Diagnosed({k: verdict[k] for k in BODY if k in verdict}, self._share(group, case, verdict), spent)
 
-    def _share(self, group: Group, case: CorruptedCase, verdict: Mapping[str, Any]) -> float | None:
-        """Of the error that the wrong belief raises most."""
-        if case.simulator == case.nominal:  # a control, or flights that differ: no simulator can do better
-            return None
-        if verdict.get("corrected") is None:
-            return 0.0
-        tracks = group.recordings.tracks
-        usual = self._usual.setdefault(group.name, errors(group.nominal, tracks))
-        wrong, mended = errors(case.simulator, tracks), errors(from_values(verdict["corrected"]), tracks)
-        worst = np.unravel_index(np.nanargmax(wrong / np.maximum(usual, 1e-12)), wrong.shape)
-        raised = float(wrong[worst] - usual[worst])
-        return float(wrong[worst] - mended[worst]) / raised if raised > 0.0 else None
+def diagnosed(engine: Engine, group: Group, case: CorruptedCase, seed: int) -> Diagnosed:
+    """One case."""
+    start = time.process_time()
+    try:
+        verdict = to_json(engine.diagnose(case.recordings, case.simulator, seed))
+    except Exception as error:  # an engine that is being written may fail in any way; the other cases go on
+        why = str(error) if isinstance(error, NanobenchError) else f"{type(error).__name__}: {error}"
+        return Diagnosed({"outcome": "error", "findings": []}, None, time.process_time() - start, why)
+    spent = time.process_time() - start
+    return Diagnosed({k: verdict[k] for k in BODY if k in verdict}, _share(group, case, verdict), spent)
+
+
+def _share(group: Group, case: CorruptedCase, verdict: Mapping[str, Any]) -> float | None:
+    """Of the error that the wrong belief raises most."""
+    if case.simulator == case.nominal:  # a control, or flights that differ: no simulator can do better
+        return None
+    if verdict.get("corrected") is None:
+        return 0.0
+    usual, wrong, mended = (errors(simulator, group.recordings.tracks) for simulator in (
+        group.nominal, case.simulator, from_values(verdict["corrected"])))
+    worst = np.unravel_index(np.nanargmax(wrong / np.maximum(usual, 1e-12)), wrong.shape)
+    raised = float(wrong[worst] - usual[worst])
+    return float(wrong[worst] - mended[worst]) / raised if raised > 0.0 else None
 
 
 def drawn(cases: Sequence[CorruptedCase], n: int | None, seed: int) -> list[CorruptedCase]:
@@ -93,14 +97,17 @@ def drawn(cases: Sequence[CorruptedCase], n: int | None, seed: int) -> list[Corr
     return [*controls, *(others[i] for _, i in sorted(ranked, key=lambda r: r[0]))][:n]
 
 
-def run(judge: Judge, cases: Sequence[CorruptedCase], say: Callable[[str], None] = lambda text: None,
-        seconds: float | None = None) -> dict[str, Diagnosed]:
-    """{name of the case: verdict}, until so many CPU seconds are spent."""
-    start, found = time.process_time(), dict[str, Diagnosed]()
-    for number, case in enumerate(cases):
-        if seconds is not None and time.process_time() - start > seconds:
-            break
-        found[case.name] = judge.diagnose(case)
-        say(f"{number + 1} of {len(cases)}: {case.name} {' + '.join(case.beliefs) or case.kind}, "
-            f"{found[case.name].verdict['outcome']}")
-    return found
+def here(items: Sequence[Item], title: str) -> RunResult:
+    """In this process; kept in the cache folder of the user."""
+    return run_items(items, user_store(), title=title)
+
+
+def run(judge: Judge, cases: Sequence[CorruptedCase],
+        work: Callable[[Sequence[Item], str], RunResult] = here) -> dict[str, Diagnosed]:
+    """{name of the case: verdict}. A killed run goes on where it was."""
+    items = {case.name: judge.item(case) for case in cases}
+    done = work(list(items.values()), "diagnose")
+    lost = {entry["file"]: entry["error"] for entry in done.failed}
+    return {name: done.values[item.key] if item.key in done.values else
+            Diagnosed({"outcome": "error", "findings": []}, None, 0.0, lost.get(name, "no result"))
+            for name, item in items.items()}

@@ -140,9 +140,10 @@ def test_a_killed_run_goes_on(made, group, own_cache):
     assert [d.verdict for d in first.values()] == [d.verdict for d in again.values()]
     assert [d.share for d in again.values()] == [None, pytest.approx(1.0), None, pytest.approx(1.0)]
     assert "is broken" in first[some[2].name].error
-    assert judge.diagnose(one(made, "force of time, 1 s")).share is None
+    foreign = one(made, "force of time, 1 s")
+    assert run(judge, [foreign])[foreign.name].share is None
     broken = Judge(Engine("broken", lambda *given: {}["key"], "code"), [group])
-    assert broken.diagnose(some[0]).error == "KeyError: 'key'"
+    assert run(broken, some[:1])[some[0].name].error == "KeyError: 'key'"
     assert run(Judge(Engine("mine", engine, "other code"), [group]), some[:1])
     assert len(asked) == 6
 
