@@ -13,9 +13,10 @@ from . import column_evidence as evidence
 from .context import Context
 from .draft import PITCH_ASSUMED, Draft
 from .flown_axes import UP, ground_axes, tilts
+from .gravity import ACC
 from .pose_frame import pose_frame
 from .shared_frame import SharedFrame, shared_frame
-from .stream_frames import pose_turn, stream_turns
+from .stream_frames import pose_turn, stream_turns, unexplained_gravity
 from .tilt_heading import other_height
 
 STREAMS = ("mocap", "imu", "estimator", "estimator_acc", "setpoint", "pid", "attitude", "attitude_qw")
@@ -42,6 +43,10 @@ def judge_frames(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndar
         usual = context.once(tilts)["x, y, z, w"].get((UP, UP))
         upright = (usual is not None and usual.flies) and context.once(other_height) is None
         upright |= UP in context.once(ground_axes)
+    gravity = context.once(unexplained_gravity) if streams and "imu" not in draft.frames else None
+    if gravity is not None and (gravity.axis, gravity.sign) == (2, -1):
+        draft.ask(draft.columns("imu", ACC), "gravity lies along -z where other streams have z up: write sign = -1 at all "
+                  "three if the sensor gives gravity and not the specific force, or at z alone if that is negated")
     for stream, frame in draft.likely.items():
         draft.frames.setdefault(stream, frame)
     _down(draft, values, upright)

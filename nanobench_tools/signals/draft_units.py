@@ -34,6 +34,8 @@ OF_ONE_UNIT = 35.0
 differ by 57."""
 LEAST_TILT_DEG = 1.0
 """A vehicle that flies tilts further at some time."""
+LEAST_COMMAND = 0.16
+"""A vehicle that flies commands more than this share of full at some time. Counts to 4095 or 10 000 stay below it."""
 MOST_TURNS = 4
 """Turns of a yaw in rad that was unwrapped, at most; a larger number is in degrees."""
 
@@ -120,7 +122,7 @@ def _motors(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
         elif bottom >= 900.0 and top <= 2100.0:
             draft.set_unit(keys, "pulse_us",
                            f"they lie between {bottom:g} and {top:g}: pulses (1000 us is 0, 2000 us 1)")
-        elif bottom >= 0.0 and 2500.0 < top <= PWM_FULL_SCALE:
+        elif bottom >= 0.0 and LEAST_COMMAND * PWM_FULL_SCALE < top <= PWM_FULL_SCALE:
             draft.set_unit(keys, "pwm16", f"they reach {top:.4g}")
         else:
             choices = ", ".join(allowed_units(*keys[0]))

@@ -138,9 +138,11 @@ def _imu(context: Context) -> StreamTurn | None:
     if gyro_pair not in made:
         return _imu_by_estimate(context, mean)
 
+    def follows(turn: np.ndarray, k: np.ndarray) -> float:
+        return float((turn * k).sum(axis=(1, 2)).max())
+
     def score(turn: np.ndarray) -> float:
-        told = sum(float((turn * k).sum(axis=(1, 2)).max()) * (1.0 if make is gyro_pair else 0.5)
-                   for make, (_, k) in made.items())
+        told = sum(follows(turn, k) * (1.0 if make is gyro_pair else 0.5) for make, (_, k) in made.items())
         return told + (0.0 if mean is None else GRAVITY_WEIGHT * float(mean @ turn[:, 2]))
 
     scores = np.array([score(turn) for turn in ROTATIONS])
@@ -150,6 +152,9 @@ def _imu(context: Context) -> StreamTurn | None:
         return None
     if mean is not None and mean @ best[:, 2] < GRAVITY_SHARE:
         return None
+    turning = made[gyro_pair][1]
+    if follows(ROTATIONS[0], turning) > follows(best, turning) + CLEARLY:
+        return None  # gravity and gyro contradict each other: signs, and no turn
     seen: list[tuple[int, int, str]] = []
     if mean is not None and gravity is not None and best[2, 2] < 1.0:
         seen.append((gravity.axis, 2, f"gravity lies along {'-' * bool(gravity.sign < 0)}{IMU[1][gravity.axis]}"))

@@ -1,7 +1,8 @@
 """Exports of motion capture programs: OptiTrack Motive (CSV), Vicon Tracker and Nexus (CSV), Qualisys (6D, TSV).
 
 Each begins with a preamble that names bodies, units, rate and kind of rotation. Empty cells and rows of zeros are an
-occlusion. Motive's y-up world is turned. A file with several rigid bodies is refused with their names.
+occlusion. Motive's y-up world is turned. Each program can be set to the other axis, which no line of the file states:
+the ground that a body rests on shows it. A file with several rigid bodies is refused with their names.
 """
 
 from __future__ import annotations
@@ -37,6 +38,9 @@ EULER = ("Roll", "Pitch", "Yaw")
 FULL_TURN_DEG = 360.0
 FLIGHT_M = (0.3, 50.0)
 """A path of this extent is a flight; that of a body that stands still is not, in any unit."""
+Y_UP = "EUS/FUR"
+GROUND_S, STILL_M, NEAR_M, CLIMBS_M = 0.5, 0.02, 0.05, 0.2
+"""A body rests for this time at both ends, moves by less meanwhile, never goes lower than this, and rises by more."""
 MOST_M_S2 = 100.0
 """No vehicle accelerates by more in a tenth of its rows."""
 NOISY = 0.1
@@ -70,7 +74,7 @@ class MocapExport:
     """Source ``mocap_export``: one stream, ``mocap``."""
 
     name = "mocap_export"
-    version = 1
+    version = 2
 
     def recognises(self, path: Path, head: bytes) -> bool:
         return program_of(head) != ""
@@ -104,9 +108,12 @@ class MocapExport:
         duration = float(time_s[-1])
         made = make_stream("mocap", time_s, values, names, samples=int((~hidden).sum()),
                            rate_hz=(len(time_s) - 1) / duration if duration > 0.0 else float("nan"))
-        if export.frame:
-            made = in_our_axes(made, frame_of(export.frame))
-        notes = (f"an export of {export.program}, body {export.bodies[0]}", *([export.note] if export.note else []))
+        frame = _frame_by_ground(time_s, values[:, :3], export.frame)
+        if frame:
+            made = in_our_axes(made, frame_of(frame))
+        other = f"{'y' if frame else 'z'} is up, since the body goes below its place of rest along the other axis"
+        notes = (f"an export of {export.program}, body {export.bodies[0]}", *([export.note] if export.note else []),
+                 *([other] if frame != export.frame else []))
         return Flight(path.name, {"mocap": made}, {"family": None, "speed": None, "reference_speed_m_s": None},
                       Provenance(place, "", self.name, notes=notes), epoch_s=float(stamps[0]))
 
@@ -171,7 +178,7 @@ def _motive(rows: list[list[str]], place: str) -> Export:
     rate = None if seconds is not None else _rate(about.get("Export Frame Rate", ""), place)
     return Export("Motive", tuple(at), tuple(first["Position"][a] for a in "XYZ"),
                   tuple(turn[a] for a in "XYZW") if whole else (), "quaternion" if whole else "", unit,
-                  0 if seconds is None else seconds, rate, names + 1, "EUS/FUR", note)
+                  0 if seconds is None else seconds, rate, names + 1, Y_UP, note)
 
 
 def _qualisys(rows: list[list[str]], place: str) -> Export:
@@ -249,6 +256,24 @@ def _rate(text: str, place: str) -> float:
     if not rate > 0.0:
         raise InputError(place, f"the frame rate is {text!r}", "export the time of each frame")
     return rate
+
+
+def _frame_by_ground(time_s: np.ndarray, position: np.ndarray, usual: str) -> str:
+    """``usual``, or the frame with the other of y and z up where the ground shows that: the body rests at both ends,
+    is never below these places along the other axis alone, and rises above them."""
+    seen = np.isfinite(position).all(axis=1)
+    time_s, position = time_s[seen], position[seen]
+    if not len(time_s):
+        return usual
+    ends = [position[time_s <= time_s[0] + GROUND_S], position[time_s >= time_s[-1] - GROUND_S]]
+    if any(len(end) < 3 or (np.ptp(end, axis=0) > STILL_M).any() for end in ends):
+        return usual
+    stood = np.stack([np.median(end, axis=0) for end in ends])
+    low, high = np.quantile(position, (0.02, 0.98), axis=0)
+    rises = (stood.max(axis=0) - low < NEAR_M) & (high - stood.max(axis=0) > CLIMBS_M)
+    falls = stood.min(axis=0) - low > CLIMBS_M
+    up, other = (1, 2) if usual == Y_UP else (2, 1)
+    return usual if not (falls[up] and rises[other]) else "" if usual == Y_UP else Y_UP
 
 
 def _check_length(time_s: np.ndarray, cells: np.ndarray, export: Export, place: str) -> None:

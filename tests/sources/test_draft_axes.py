@@ -70,6 +70,17 @@ def test_vectors_in_other_axes_are_not(tmp_path, name, key, says):
     assert ("mocap", "px") in draft.mapped
 
 
+@pytest.mark.parametrize("turned", [-1.0, np.array([1.0, 1.0, -1.0]), np.array([1.0, -1.0, -1.0])],
+                         ids=["all three", "z alone", "FRD, the gyro not"])
+def test_an_accelerometer_upside_down_beside_a_gyro_that_is_not_is_a_question(tmp_path, turned):
+    """Gravity shows the sign of z alone, and with one sign turned the axes of a negated sensor stay a mirror image."""
+    _, _, _, a, turn, w = flown()
+    draft = drafted(tmp_path, acc_AXIS=turned * turn.inv().apply(a + G), gyro_AXIS=w)
+    assert ("imu", "acc_x") not in draft.mapped
+    assert ("imu", "gyro_x") in draft.mapped
+    assert "write sign = -1 at all three" in " ".join(draft.questions)
+
+
 @pytest.mark.parametrize("changed", [{"time": 0.01}, {"time": 100.0}, {"place": (1.0, 1.0, 12.0)},
                                      {"place": (0.1, 0.1, 0.1)}])
 def test_a_path_that_the_accelerometer_contradicts_is_asked_about(tmp_path, changed):

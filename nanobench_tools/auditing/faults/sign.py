@@ -110,8 +110,10 @@ def _poses(context: Context) -> list[tuple[str, str, str]]:
 
 def _or_frd(context: Context, axis: int) -> str:
     """If the axes of the gyro are unknown, gravity alone cannot separate one negated column from a turned sensor."""
-    if axis != 2 or "gyro_x" not in context.flight["imu"] or sums_of(context, gyro_pair) is not None:
+    if axis != 2 or "gyro_x" not in context.flight["imu"]:
         return ""
+    if sums_of(context, gyro_pair) is not None:
+        return "; if the sensor gives gravity and not the specific force, acc_x and acc_y are negated, too"
     attitude, imu = estimated_attitude(context), context.once(usable_streams).get("imu")
     if attitude is not None and imu is not None and all(q in imu for q in IMU[0]) and turns_as(imu, attitude):
         return '; if y points right, too, imu and attitude are in FRD axes: write frame = "NED/FRD" into both'
