@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
+from ..flight import make_stream
 from ..sources.column_map import DATES, FORCE_UNITS, allowed_units
 from ..sources.column_names import (
     NUMBERED,
@@ -28,6 +29,7 @@ from ..sources.column_names import (
     unit_of,
     vehicles_of,
 )
+from ..sources.lost_poses import POSITION, placeholders
 from ..sources.stand import is_a_stand
 from ..sources.tum_layout import NORM_TOLERANCE
 from ..units import GRAVITY_M_S2, factor
@@ -53,6 +55,7 @@ def draft_columns(path: Path) -> ColumnDraft:
     _which_vehicle(draft, table)
     time_s = _time(draft, table, place)
     _whose(draft)
+    _without_placeholders(draft, table)
     for stream in dict.fromkeys(stream for stream, _ in draft.mapped):
         _order_turn(stream, draft, table.values)
         _check_turn(stream, draft, table.values)
@@ -157,6 +160,18 @@ def _whose(draft: Draft) -> None:
     pitch = draft.mapped.get(("attitude", "pitch"))
     if pitch is not None and pitch.why in ("", "stated"):
         draft.notes.append(f"{pitch.column}{PITCH_ASSUMED}; write sign = -1 if it is positive nose up")
+
+
+def _without_placeholders(draft: Draft, table: Table) -> None:
+    """Rows in which the tracker lost the body are no part of the path: without a number, as an audit reads them."""
+    keys = draft.columns("mocap", (*POSITION, *QUATERNION))
+    if [key[1] for key in keys[:len(POSITION)]] != list(POSITION):
+        return
+    cells = np.stack([table.values[draft.mapped[key].column] for key in keys], axis=1)
+    lost = placeholders(make_stream("mocap", np.arange(float(len(cells))), cells, [q for _, q in keys]))
+    for key in keys if lost.any() else ():
+        column = draft.mapped[key].column
+        table.values[column] = np.where(lost, np.nan, table.values[column])
 
 
 def _like_px4(table: Table) -> bool:

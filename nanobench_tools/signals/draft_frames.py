@@ -45,8 +45,8 @@ def judge_frames(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndar
         upright |= UP in context.once(ground_axes)
     gravity = context.once(unexplained_gravity) if streams and "imu" not in draft.frames else None
     if gravity is not None and (gravity.axis, gravity.sign) == (2, -1):
-        draft.ask(draft.columns("imu", ACC), "gravity lies along -z where other streams have z up: write sign = -1 at all "
-                  "three if the sensor gives gravity and not the specific force, or at z alone if that is negated")
+        draft.ask(draft.columns("imu", ACC), "gravity lies along -z, but other streams have z up. Does the sensor give "
+                  "gravity, not the specific force? If so, write sign = -1 at all three, else at z alone")
     for stream, frame in draft.likely.items():
         draft.frames.setdefault(stream, frame)
     _down(draft, values, upright)

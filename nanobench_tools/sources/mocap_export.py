@@ -259,8 +259,9 @@ def _rate(text: str, place: str) -> float:
 
 
 def _frame_by_ground(time_s: np.ndarray, position: np.ndarray, usual: str) -> str:
-    """``usual``, or the frame with the other of y and z up where the ground shows that: the body rests at both ends,
-    is never below these places along the other axis alone, and rises above them."""
+    """``usual``, or the frame with the other of y and z up where the ground shows that.
+
+    The body rests at both ends. Along the other axis alone it is never below these places, and rises above them."""
     seen = np.isfinite(position).all(axis=1)
     time_s, position = time_s[seen], position[seen]
     if not len(time_s):

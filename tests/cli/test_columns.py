@@ -100,7 +100,8 @@ def test_a_position_that_may_be_in_cm_or_mm_is_asked_about(tmp_path, table):
 @pytest.mark.parametrize(("full", "unit"), [(65535, "pwm16"), (4095, None), (8191, None), (10000, None)])
 def test_counts_of_a_motor_are_of_16_bits_only_where_a_vehicle_flies_with_them(tmp_path, table, full, unit):
     command = 0.6 + 0.2 * np.sin(table["time"])
-    path = write(tmp_path / "f.csv", {"t": table["time"], **{f"motor{i}": np.round(full * command) for i in range(1, 5)},
+    motors = {f"motor{i}": np.round(full * command) for i in range(1, 5)}
+    path = write(tmp_path / "f.csv", {"t": table["time"], **motors,
                                       "x": table["px"], "y": table["py"], "z": table["pz"]})
     draft = draft_columns(path)
     assert draft.mapped.get(("motor", "m2")) == (None if unit is None else ("motor2", unit))

@@ -70,6 +70,17 @@ def test_vectors_in_other_axes_are_not(tmp_path, name, key, says):
     assert ("mocap", "px") in draft.mapped
 
 
+@pytest.mark.parametrize("number", [-9999.0, 99999.0, 0.0])
+def test_a_number_that_a_tracker_writes_for_a_body_it_lost_is_no_length(tmp_path, number):
+    t, p, *_ = flown()
+    place = p.copy()
+    place[400:430] = number
+    rows = [",".join(("t", "x", "y", "z")), *(",".join(f"{c:.6g}" for c in row) for row in np.column_stack([t, place]))]
+    (tmp_path / "flight.csv").write_text("\n".join(rows) + "\n")
+    draft = draft_columns(tmp_path / "flight.csv")
+    assert [draft.mapped.get(("mocap", q)) for q in ("px", "py", "pz")] == [(a, "m") for a in "xyz"]
+
+
 @pytest.mark.parametrize("turned", [-1.0, np.array([1.0, 1.0, -1.0]), np.array([1.0, -1.0, -1.0])],
                          ids=["all three", "z alone", "FRD, the gyro not"])
 def test_an_accelerometer_upside_down_beside_a_gyro_that_is_not_is_a_question(tmp_path, turned):
@@ -78,7 +89,7 @@ def test_an_accelerometer_upside_down_beside_a_gyro_that_is_not_is_a_question(tm
     draft = drafted(tmp_path, acc_AXIS=turned * turn.inv().apply(a + G), gyro_AXIS=w)
     assert ("imu", "acc_x") not in draft.mapped
     assert ("imu", "gyro_x") in draft.mapped
-    assert "write sign = -1 at all three" in " ".join(draft.questions)
+    assert "sign = -1 at all three" in " ".join(draft.questions)
 
 
 @pytest.mark.parametrize("changed", [{"time": 0.01}, {"time": 100.0}, {"place": (1.0, 1.0, 12.0)},
