@@ -39,6 +39,7 @@ from .draft_axes import judge_axes
 from .draft_frames import judge_frames
 from .draft_motion import judge_motion
 from .draft_table import Table, read_table
+from .draft_topics import name_topics
 from .draft_units import judge_units
 from .plausible_ranges import SLOWEST_STEP_S
 
@@ -100,6 +101,7 @@ def _name(draft: Draft, table: Table, path: Path) -> None:
                 table.values[column] = np.where(cells == known.invalid, np.nan, cells)
             if known.frame:
                 frames[known.stream] = known.frame
+    name_topics(draft, table.values)
     left = [c for c in names if c not in draft.unknown and c not in {d.column for d in draft.mapped.values()}]
     axes = directed(left)
     found, why = guessed(left, taken=draft.mapped, called={column: name for column, (name, _) in axes.items()})
