@@ -20,12 +20,14 @@ Metrics = Mapping[str, float | None]
 @dataclass(frozen=True, repr=False)
 class Scored(Result):
     """One estimator on one recording: over so many ``rows``; ``dropped`` counts timestamps without truth; trajectory
-    (k, 8) the scored rows: t [s from the first row], position [m], quaternion (None: written elsewhere)."""
+    (k, 8) the scored rows: t [s from the first row], position [m], quaternion (None: written elsewhere);
+    ``convention``: how a trajectory file differs from ours, a sentence, or ""."""
 
     metrics: Metrics
     rows: int
     dropped: int
     trajectory: np.ndarray | None = None
+    convention: str = ""
 
 
 @dataclass(frozen=True, repr=False)

@@ -34,6 +34,7 @@ from ..signals.derived_velocity import has_velocity, with_velocity
 from ..signals.onboard_estimate import OnboardEkf
 from ..sources.labels import FILTERS_SEARCHED_ON, OTHER_FAMILIES, family_of, speed_of
 from ..sources.trajectory_file import TrajectoryFile
+from .foreign_conventions import convention_of
 from .phases import MOTOR_ON, flown_spans, is_cut
 from .published import beside
 from .result_rows import EstimateRow, Scored
@@ -332,7 +333,11 @@ def score_given(case: Case, method: Estimator, protocol: str, flight: Flight, gi
         if "ate_unaligned_rmse_m" in metrics:
             metrics["ate_unaligned_rmse_m"] = ate(raw, truth.position_m, "none").rmse_m
     metrics = {name: 0.0 if abs(value) < ROUNDING else value for name, value in metrics.items()}
-    return Scored(metrics, len(rows), truth.dropped, np.column_stack([t, p, q]))
+    convention = ""
+    if isinstance(method, TrajectoryFile):
+        convention = convention_of(p, estimate.quaternion[rows], np.eye(3) if world is None else world.rotation,
+                                   truth.position_m, truth.quaternion)
+    return Scored(metrics, len(rows), truth.dropped, np.column_stack([t, p, q]), convention)
 
 
 def world_of(estimate_m: np.ndarray, truth_m: np.ndarray) -> Alignment | None:

@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 
 from .base import Source
 from .dialect import NUMBER, normalise_text, split_line
-from .header import header_of
+from .header import find_header
 from .names import listed
 from .payload import HEAD_BYTES
 
@@ -53,9 +53,10 @@ def _columns(data: bytes) -> str | None:
     if b"\x00" in data[:HEAD_BYTES]:
         return None
     text = normalise_text(data[:HEAD_BYTES])
-    names, dialect = header_of(text)
+    found = find_header(text)
+    names, dialect = found.names, found.dialect
     named = [n for n in names if n]
-    rows = [line.decode("utf-8", errors="replace") for line in text.lstrip(b"\n \t").split(b"\n")[1:]]
+    rows = [line.decode("utf-8", errors="replace") for line in text[found.end:].split(b"\n")]
     rows = [r for r in rows if r.strip() and not r.lstrip().startswith("#")]
     cells = split_line(rows[0].rstrip("\r"), dialect.delimiter) if rows else []
     if len(named) < 2 or len(cells) < 2 or not any(c.lstrip("+-.")[:1].isdigit() for c in cells):

@@ -255,6 +255,8 @@ def _score(options: Options, protocol: str, work: Sequence[tuple[Any, Case]], se
     for name, angle_deg in worlds.items():
         options.say(f"{name}: its world is turned by {angle_deg:.1f} deg against that of the motion capture; "
                     "it is scored after the alignment of its positions")
+    for name, told in dict.fromkeys((method.name, value.convention) for method, _, value in done if value.convention):
+        options.say(f"{name}: {told}")
     single = [FlightScore(protocol, method.name, case.flight.name, speed_of(case.flight), options.clock,
                           protocol_given, value.metrics) for method, case, value in done]
     return rows, single, [] if aiding is None else aided_bands(options, done, aiding)
