@@ -30,6 +30,7 @@ from ..sources.column_names import (
     vehicles_of,
 )
 from ..sources.lost_poses import POSITION, placeholders
+from ..sources.px4_columns import px4_columns
 from ..sources.stand import is_a_stand
 from ..sources.tum_layout import NORM_TOLERANCE
 from ..units import GRAVITY_M_S2, factor
@@ -87,7 +88,7 @@ def _name(draft: Draft, table: Table, path: Path) -> None:
     if not topic and _like_px4(table):
         systems, frames = recognised(names, "vehicle_local_position"), draft.likely
     stated = {c: table.units.get(c) or unit_of(c) for c in names}
-    for column, (known, title) in known_names(names, systems).items():
+    for column, (known, title) in (known_names(names, systems) | px4_columns(names)).items():
         key = (known.stream, known.quantity)
         if known.what:
             draft.unknown[column] = f"{known.what} ({title})"

@@ -6,16 +6,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from .. import so3
 from ..errors import UsageError
 from ..flight import Flight, Provenance, Stream, make_stream
-from ..sources.axes import frame_of, in_our_axes, name_of
+from ..sources.axes import EULER, frame_of, in_our_axes, name_of
 from . import column_evidence as evidence
 from .context import Context
 from .draft import PITCH_ASSUMED, Draft
-from .flown_axes import UP, ground_axes, tilts
+from .flown_axes import UP, ground_axes, tilts, tilts_of
 from .gravity import ACC
 from .pose_frame import pose_frame
-from .shared_frame import SharedFrame, shared_frame
+from .shared_frame import GYRO, SharedFrame, shared_frame, turns_as
 from .stream_frames import pose_turn, stream_turns, unexplained_gravity
 from .tilt_heading import other_height
 
@@ -43,12 +44,13 @@ def judge_frames(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndar
         usual = context.once(tilts)["x, y, z, w"].get((UP, UP))
         upright = (usual is not None and usual.flies) and context.once(other_height) is None
         upright |= UP in context.once(ground_axes)
+    for stream, frame in draft.likely.items():
+        draft.frames.setdefault(stream, frame)
+    _attitude(draft, _streams(draft, values, time_s))
     gravity = context.once(unexplained_gravity) if streams and "imu" not in draft.frames else None
     if gravity is not None and (gravity.axis, gravity.sign) == (2, -1):
         draft.ask(draft.columns("imu", ACC), "gravity lies along -z, but other streams have z up. Does the sensor give "
                   "gravity, not the specific force? If so, write sign = -1 at all three, else at z alone")
-    for stream, frame in draft.likely.items():
-        draft.frames.setdefault(stream, frame)
     _down(draft, values, upright)
 
 
@@ -93,6 +95,43 @@ def _share(draft: Draft, shared: SharedFrame) -> None:
     if streams:
         draft.notes.append(f"{', '.join(streams)}: in {shared.axes.name} axes, turned to z up and x forward, since "
                            f"{shared.why}")
+
+
+def _attitude(draft: Draft, streams: dict[str, Stream]) -> None:
+    """Euler angles with a position in axes with z down: in those axes and FRD, or in ours. The tilt decides.
+
+    The IMU that turns with the angles follows them. Without enough tilt they are a question."""
+    place = next((s for s in ("mocap", "estimator") if s in streams and draft.frames.get(s, "")[2:3] == "D"), None)
+    angles = streams.get("attitude")
+    if place is None or angles is None or "attitude" in draft.frames or not all(q in angles for q in EULER):
+        return
+    names = ("px", "py", "pz") if place == "mocap" else ("x", "y", "z")
+    if not all(q in streams[place] for q in names):
+        return
+    frame = f"{draft.frames[place][:3]}/FRD"
+    flies = {}
+    for turned in ("", frame):
+        read = in_our_axes(angles, frame_of(turned)) if turned else angles
+        known = np.isfinite(read[EULER]).all(axis=1) & np.isfinite(streams[place][names]).all(axis=1)
+        tilt = tilts_of(read.time_s[known], streams[place][names][known],
+                        so3.from_euler_zyx(*read[EULER][known].T)).get((UP, UP)) if known.sum() > 20 else None
+        flies[turned] = tilt is not None and tilt.flies
+    if flies[""] == flies[frame]:
+        draft.ask([("attitude", q) for q in EULER],
+                  f"the position is in {draft.frames[place]}. Are the angles, too, with the body in FRD? If so, write "
+                  f'frame = "{frame}" in [streams.attitude]')
+        return
+    draft.notes[:] = [n for n in draft.notes if PITCH_ASSUMED not in n]
+    if flies[""]:
+        return
+    draft.frames["attitude"] = frame
+    shared = ["attitude"]
+    turning = make_stream("attitude_qw", angles.time_s, so3.from_euler_zyx(*angles[EULER].T), ("qx", "qy", "qz", "qw"))
+    if "imu" in streams and "imu" not in draft.frames and all(q in streams["imu"] for q in GYRO) and turns_as(
+            streams["imu"], turning):
+        draft.frames["imu"] = "FRD"
+        shared.append("imu")
+    draft.notes.append(f"{', '.join(shared)}: in {frame} axes, since the vehicle then speeds up towards its tilt")
 
 
 def _down(draft: Draft, values: Mapping[str, np.ndarray], upright: bool) -> None:

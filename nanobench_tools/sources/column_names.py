@@ -190,7 +190,8 @@ def recognised(columns: Sequence[str], topic: str) -> list[Ecosystem]:
         own = {k.name for k in system.names if not k.plain}
         all_names = {k.name for k in system.names}
         stated = key == "px4" and topic and there & {k.name for k in system.names if k.topic}
-        if stated or there & own or (2 * len(there & all_names) >= len(there) and len(there & all_names) > 2):
+        alike = 2 * len(there & all_names) >= len(there) and len(there & all_names) > 2
+        if stated or there & own or (alike and not system.shown_by_own):
             found.append(system)
     return found
 

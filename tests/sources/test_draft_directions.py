@@ -12,6 +12,7 @@ from nanobench_tools.sources import load_recordings
 from nanobench_tools.sources.column_names import directed
 
 DOWN = np.array([1.0, -1.0, -1.0])
+EULER = ("roll", "pitch", "yaw")
 TO_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
@@ -63,7 +64,7 @@ def test_the_unit_of_a_time_may_be_glued_to_its_name(tmp_path, name):
                header=f"{name},PN,PE,PD,T", comments="", fmt="%.6g")
     draft = draft_columns(tmp_path / "f.csv")
     assert draft.mapped["", "time"] == (name, "us")
-    assert draft.mapped["mocap", "pz"][0] == "PD"
+    assert draft.mapped[("estimator", "z") if name == "TimeUS" else ("mocap", "pz")][0] == "PD"  # ArduPilot's filter
 
 
 @pytest.mark.parametrize(("wanted", "unit", "status"), [
@@ -75,7 +76,7 @@ def test_the_attitude_shows_the_unit_of_a_yaw_set_point(tmp_path, wanted, unit, 
     yaw, pitch, roll = turn.as_euler("ZYX").T
     late = np.interp(t + 0.1, t, yaw)
     np.savetxt(tmp_path / "f.csv", np.column_stack([1e6 * t, *np.degrees([roll, pitch, yaw]), wanted(late)]),
-               delimiter=",", header="TimeUS,Roll,Pitch,Yaw,DesYaw", comments="", fmt="%.6g")
+               delimiter=",", header="time_us,Roll,Pitch,Yaw,DesYaw", comments="", fmt="%.6g")
     draft = draft_columns(tmp_path / "f.csv")
     assert draft.mapped["setpoint", "yaw"] == ("DesYaw", unit)
     assert draft.status["DesYaw"] == status
@@ -151,3 +152,81 @@ def test_a_table_in_ned_and_frd_as_a_whole_is_turned_as_a_whole(tmp_path, path, 
     np.testing.assert_allclose(flight["imu"]["acc_x", "acc_y", "acc_z"], turn.inv().apply(a + G), atol=1e-3)
     np.testing.assert_allclose(flight["imu"]["gyro_x", "gyro_y", "gyro_z"], w, atol=1e-3)
     assert (read.inv() * turn).magnitude().max() < 1e-3
+
+
+@pytest.mark.parametrize("inertial", [False, True], ids=["angles alone", "with an IMU"])
+@pytest.mark.parametrize("axes", ["NED/FRD", "ENU/FLU"])
+def test_angles_beside_north_east_down_are_in_the_axes_that_the_tilt_shows(tmp_path, axes, inertial):
+    t, p, _, a, turn, w = flown()
+    body = DOWN if axes == "NED/FRD" else np.ones(3)
+    of = Rotation.from_matrix(TO_NED @ turn.as_matrix() @ np.diag(DOWN)) if axes == "NED/FRD" else turn
+    angles = of.as_euler("ZYX", degrees=True)[:, ::-1]
+    table = {"t": t, **dict(zip(("north", "east", "down"), (p @ TO_NED.T).T, strict=True)),
+             **dict(zip(EULER, angles.T, strict=True))}
+    if inertial:
+        table |= {f"acc_{axis}": c for axis, c in zip("xyz", (body * turn.inv().apply(a + G)).T, strict=True)}
+        table |= {f"gyro_{axis}": c for axis, c in zip("xyz", (body * w).T, strict=True)}
+    flight, draft = read(tmp_path, "flight.csv", table)
+    assert draft.questions == ()
+    found = Rotation.from_euler("ZYX", flight["attitude"]["yaw", "pitch", "roll"])
+    assert (found.inv() * turn).magnitude().max() < 1e-3
+    np.testing.assert_allclose(flight["mocap"]["px", "py", "pz"], p, atol=1e-4)
+    if inertial:
+        np.testing.assert_allclose(flight["imu"]["acc_x", "acc_y", "acc_z"], turn.inv().apply(a + G), atol=1e-3)
+        np.testing.assert_allclose(flight["imu"]["gyro_x", "gyro_y", "gyro_z"], w, atol=1e-3)
+
+
+def read(folder, name, table):
+    """The flight of a table by its draft, and the draft."""
+    rows = [",".join(table), *(",".join(f"{c:.9g}" for c in row) for row in zip(*table.values(), strict=True))]
+    (folder / name).write_text("\n".join(rows) + "\n")
+    draft = draft_columns(folder / name)
+    (folder / "map.toml").write_text(draft.text)
+    return load_recordings([folder / name], columns=folder / "map.toml", cache=False).flights[0], draft
+
+
+def test_an_ardupilot_table_is_the_vehicles_estimate_in_its_axes(tmp_path):
+    t, p, v, _, turn, _ = flown()
+    of = Rotation.from_matrix(TO_NED @ turn.as_matrix() @ np.diag(DOWN))
+    table = {"TimeUS": np.round(1e6 * t), **dict(zip(("Roll", "Pitch", "Yaw"),
+                                                     of.as_euler("ZYX", degrees=True)[:, ::-1].T, strict=True)),
+             **dict(zip(("VN", "VE", "VD"), (v @ TO_NED.T).T, strict=True)),
+             **dict(zip(("PN", "PE", "PD"), (p @ TO_NED.T).T, strict=True))}
+    table["Yaw"] = table["Yaw"] % 360.0
+    table["DesYaw"] = (table["Yaw"] + 10.0) % 360.0
+    flight, draft = read(tmp_path, "XKF1.csv", table)
+    assert set(flight.streams) == {"estimator", "attitude", "setpoint"}
+    apart = np.degrees(flight["attitude"]["yaw"] - flight["setpoint"]["yaw"])
+    np.testing.assert_allclose((apart + 180.0) % 360.0 - 180.0, 10.0, atol=1e-3)
+    np.testing.assert_allclose(flight["estimator"]["x", "y", "z"], p, atol=1e-4)
+    np.testing.assert_allclose(flight["estimator"]["vx", "vy", "vz"], v, atol=1e-4)
+    found = Rotation.from_euler("ZYX", flight["attitude"]["yaw", "pitch", "roll"])
+    assert (found.inv() * turn).magnitude().max() < 1e-3
+    assert {draft.status[c] for c in ("PN", "VD", "Pitch")} == {"known"}
+
+
+def test_angles_of_that_spelling_alone_do_not_make_an_ardupilot_table(tmp_path):
+    t, *_, turn, _ = flown()
+    angles = turn.as_euler("ZYX", degrees=True)[:, ::-1]
+    flight, draft = read(tmp_path, "a.csv", {"t": t, **dict(zip(("Roll", "Pitch", "Yaw"), angles.T, strict=True))})
+    np.testing.assert_allclose(np.degrees(flight["attitude"]["pitch"]), angles[:, 1], atol=1e-3)
+    assert any("nose down" in note for note in draft.notes)
+
+
+@pytest.mark.parametrize(("name", "element"), [
+    ("vehicle_local_position.x", "vehicle_attitude.q[1]"), ("vehicle_local_position_0_x", "vehicle_attitude_0_q[1]"),
+    ("/vehicle_local_position.00/x", "/vehicle_attitude.00/q.01")])
+def test_px4_topics_in_one_table_are_the_vehicles_estimate(tmp_path, name, element):
+    t, p, _, _, turn, w = flown()
+    of = Rotation.from_matrix(TO_NED @ turn.as_matrix() @ np.diag(DOWN)).as_quat()
+    table = {"timestamp": np.round(1e6 * t),
+             **{f"{name[:-1]}{axis}": c for axis, c in zip("xyz", (p @ TO_NED.T).T, strict=True)},
+             **{element.replace("1", str(k)): of[:, i] for k, i in enumerate((3, 0, 1, 2))},
+             **{f"sensor_combined.gyro_rad[{k}]": c for k, c in enumerate((DOWN * w).T)}}
+    flight, draft = read(tmp_path, "log.csv", table)
+    assert set(flight.streams) == {"estimator", "attitude_qw", "imu"}
+    assert draft.questions == ()
+    np.testing.assert_allclose(flight["estimator"]["x", "y", "z"], p, atol=1e-4)
+    np.testing.assert_allclose(flight["imu"]["gyro_x", "gyro_y", "gyro_z"], w, atol=1e-4)
+    found = Rotation.from_quat(flight["attitude_qw"]["qx", "qy", "qz", "qw"])
+    assert (found.inv() * turn).magnitude().max() < 1e-3

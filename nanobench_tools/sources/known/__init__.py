@@ -62,13 +62,15 @@ class Known:
 
 @dataclass(frozen=True)
 class Ecosystem:
-    """``names`` in the order of the file; ``timeless``: its rows are settled points without a time."""
+    """``names`` in the order of the file; ``timeless``: its rows are settled points without a time; ``shown_by_own``:
+    a name that only it has is needed, and common ones do not show it."""
 
     key: str
     title: str
     origin: str
     names: tuple[Known, ...]
     timeless: bool = False
+    shown_by_own: bool = False
 
     @functools.cached_property
     def streams(self) -> Mapping[str, Mapping[str, tuple[Known, ...]]]:
@@ -111,7 +113,8 @@ def ecosystem(key: str) -> Ecosystem:
         raise UsageError(f"unknown ecosystem {key!r}; known: {', '.join(keys())}")
     content = tomllib.loads(path.read_text(encoding="utf-8"))
     names = tuple(itertools.chain.from_iterable(map(_expanded, content["names"])))
-    return Ecosystem(key, content["title"], content["origin"], names, content.get("timeless", False))
+    return Ecosystem(key, content["title"], content["origin"], names, content.get("timeless", False),
+                     content.get("shown_by_own", False))
 
 
 def keys() -> tuple[str, ...]:
