@@ -55,6 +55,7 @@ class VirtualWorld:
         self._time_s, self._steps = self._start_s, 0
         self._sink: Sink | None = None
         self._waiting_for: dict[threading.Thread, tuple[int, Any]] = {}
+        self._in_vain: dict[threading.Thread, tuple[int, int]] = {}
 
     def now(self) -> float:
         return self._time_s
@@ -86,16 +87,24 @@ class VirtualWorld:
         handler._stop_event.clear()
 
     def _settle(self) -> None:
-        """Waits until cflib's threads that ask for parameters have nothing to send, or wait for answers themselves."""
+        """Waits until cflib's threads that ask for parameters have nothing to send, or wait for answers themselves.
+
+        Threads that an earlier link left behind have nothing to send here, and none is waited for twice in one state.
+        """
         if self.crazyflie is None:
             return
-        until = time.monotonic() + SETTLE_S
-        for asker in threading.enumerate():
-            # its queue is never informed of finished tasks: it counts all that was ever put in
-            while hasattr(asker, "request_queue") and asker.is_alive() and time.monotonic() < until:
+        mine: list[Any] = [thread for thread in threading.enumerate() if _asks_for(thread, self.crazyflie)]
+        for asker in mine:
+            until = time.monotonic() + SETTLE_S
+            while asker.is_alive():
                 ticket, awaited = self._waiting_for.get(asker, (0, None))
+                # its queue is never informed of finished tasks: it counts all that was ever put in
+                asked = asker.request_queue.unfinished_tasks
                 waits = awaited is not None and _awaited(asker) is awaited
-                if waits or ticket >= asker.request_queue.unfinished_tasks:
+                if waits or ticket >= asked or self._in_vain.get(asker) == (ticket, asked):
+                    break
+                if time.monotonic() > until:
+                    self._in_vain[asker] = ticket, asked
                     break
                 time.sleep(1e-4)
 
@@ -133,6 +142,11 @@ class VirtualWorld:
             yield self.uri
         finally:
             cflib.crtp.CLASSES.remove(driver)
+
+
+def _asks_for(thread: Any, crazyflie: Any) -> bool:
+    """Whether it is one of cflib's threads that ask ``crazyflie`` for parameters."""
+    return hasattr(thread, "request_queue") and getattr(thread, "cf", getattr(thread, "_cf", None)) is crazyflie
 
 
 def _awaited(asker: Any) -> Any:
