@@ -351,8 +351,9 @@ def _gyro(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarray) ->
         axes = ["xyz".index(k[1][-1]) for k in keys]
         found = evidence.ratio(evidence.smooth(draft.si(keys, values)), turning[:, axes])
         if found.known:
-            fits = [u for u, f in factors.items() if found.agrees(factor(unit) / f) and (u != "mrad/s" or all(
-                abs(np.log(r * f / factor(unit))) < np.log(COUNTS_WITHIN) for r in found.known))]
+            fits = [u for u, f in factors.items() if found.agrees(factor(unit) / f) and (
+                u != "mrad/s" or u == unit or all(
+                    abs(np.log(r * f / factor(unit))) < np.log(COUNTS_WITHIN) for r in found.known))]
             if not fits or (fits[0] != unit and not draft.open(keys)):
                 shown = ", ".join(f"{r:.3g}" for r in found.known)
                 draft.ask([*keys, *draft.columns("attitude", ("roll", "pitch", "yaw"))],

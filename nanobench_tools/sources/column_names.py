@@ -11,18 +11,18 @@ from .known import Ecosystem, Known, ecosystem, keys
 from .units_as_written import unit_as_written
 
 _UNIT = re.compile(r"[\s_]*[\[(]\s*(?!\d+\s*[\])])([^\[\]()]*?)\s*[\])]\s*$")
-_ENDS = re.compile(r"^(.*[^_])_(m_s2|m_s\^2|mm_s2|rad_s|deg_s|dps|m_s|mm_s|ms|us|ns|s|sec|m|mm|cm|rad|deg|V|mV|g|mg|N|"
-                   r"kgf|gf|rpm|percent|pct)$")
+_ENDS = re.compile(r"^(.*[^_])_(m_s2|m_s\^2|mm_s2|rad_s|deg_s|dps|m_s|mm_s|ms|us|ns|[mun]sec|s|sec|m|mm|cm|rad|deg|V|"
+                   r"mV|g|mg|N|kgf|gf|rpm|percent|pct)$")
 _TIME_UNIT = re.compile(r"(?i)(time|timestamp)(us|ms|ns)")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _APART = re.compile(r"[^a-z0-9]+")
 _VEHICLE = re.compile(r"(cf|uav|drone|quad|robot|agent|mav)\d*")
 
 _WANTED = {"sp", "setpoint", "ref", "reference", "des", "desired", "target", "ctrltarget", "cmd", "command",
-           "commanded"}
+           "commanded", "goal", "demand", "demanded", "nominal", "waypoint", "traj"}
 _ESTIMATED = {"estimate", "estimated", "est", "ekf", "kalman", "state", "onboard", "odom", "odometry"}
 _MEASURED = {"mocap", "vicon", "optitrack", "qualisys", "gt", "truth", "groundtruth", "meas",
-             "measured", "actual"}
+             "measured", "actual", "true", "nokov"}
 _ACC = {"acc", "accel", "acceleration", "accelerometer", "a"}
 _GYRO = {"gyro", "gyr", "gyroscope", "g", "rate", "rates", "w", "omega", "angvel"}
 _VELOCITY = {"v", "vel", "velocity", "speed"}
@@ -41,7 +41,8 @@ _BODY_RATES = ("p", "q", "r")
 NUMBERED = "0123"
 """Parts of a quaternion by number, with ``meaning`` for q0 .. q3. The scalar is the first in some logs and the last in
 others."""
-_TIME = {"t", "time", "timestamp", "timestamps", "stamp", "ts", "sec", "secs", "seconds", "datetime", "elapsed"}
+_TIME = {"t", "time", "timestamp", "timestamps", "stamp", "ts", "sec", "secs", "seconds", "datetime", "elapsed",
+         "boot"}
 _CHARGE = {"percent", "percentage", "pct", "soc", "charge", "level", "remaining"}
 
 

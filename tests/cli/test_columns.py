@@ -128,7 +128,9 @@ def test_a_velocity_that_agrees_with_its_position_has_no_unit_of_its_own(tmp_pat
     ("vx", ("mocap", "vx")), ("quat_w", ("mocap", "qw")), ("x_ekf", ("estimator", "x")), ("z_vicon", ("mocap", "pz")),
     ("yaw_ref", ("setpoint", "yaw")), ("gx", ("imu", "gyro_x")), ("q0", ("mocap", "q0")), ("q_3", ("mocap", "q3")),
     ("m0", ("motor", "m0")), ("stateEstimate.ax", ("estimator_acc", "ax")), ("ekf", None), ("colour", None), ("", None),
-    ("ang_vel_x", ("imu", "gyro_x")), ("ang_acc_x", None), ("b_w_x", None), ("wind_x", None), ("rpm1", ("rpm", "m1"))])
+    ("ang_vel_x", ("imu", "gyro_x")), ("ang_acc_x", None), ("b_w_x", None), ("wind_x", None), ("rpm1", ("rpm", "m1")),
+    ("time_boot_ms", ("", "time")), ("time_usec", ("", "time")), ("true_x", ("mocap", "px")),
+    ("goal_z", ("setpoint", "z")), ("x_demanded", ("setpoint", "x")), ("goal_qw", None)])
 def test_meanings_of_names(name, is_what):
     found = meaning(name)
     if name == "rpm.m2":
@@ -139,6 +141,7 @@ def test_meanings_of_names(name, is_what):
 def test_units_in_names():
     assert words_of("acc_x_m_s2") == (["acc", "x"], "m/s^2")
     assert words_of("gyro.z (dps)")[1] == "deg/s"
+    assert words_of("time_usec") == (["time"], "us")
 
 
 @pytest.mark.parametrize(("content", "says"), [

@@ -230,3 +230,28 @@ def test_px4_topics_in_one_table_are_the_vehicles_estimate(tmp_path, name, eleme
     np.testing.assert_allclose(flight["imu"]["gyro_x", "gyro_y", "gyro_z"], w, atol=1e-4)
     found = Rotation.from_quat(flight["attitude_qw"]["qx", "qy", "qz", "qw"])
     assert (found.inv() * turn).magnitude().max() < 1e-3
+
+
+@pytest.mark.parametrize("si", [False, True], ids=["mg and mrad/s", "SI"])
+def test_mavlink_messages_are_the_vehicles_own_in_ned_and_frd(tmp_path, si):
+    t, p, v, a, turn, w = flown()
+    angles = Rotation.from_matrix(TO_NED @ turn.as_matrix() @ np.diag(DOWN)).as_euler("ZYX")[:, ::-1]
+    table = {"time_boot_ms": np.round(1e3 * t), **dict(zip(EULER, angles.T, strict=True)),
+             **dict(zip(("rollspeed", "pitchspeed", "yawspeed"), (DOWN * w).T, strict=True)),
+             **dict(zip(("x", "y", "z"), (p @ TO_NED.T).T, strict=True)),
+             **dict(zip(("vx", "vy", "vz"), (v @ TO_NED.T).T, strict=True))}
+    flight, draft = read(tmp_path, "ATTITUDE.csv", table)
+    assert draft.questions == ()
+    assert set(flight.streams) == {"estimator", "attitude", "imu"}
+    found = Rotation.from_euler("ZYX", flight["attitude"]["yaw", "pitch", "roll"])
+    assert (found.inv() * turn).magnitude().max() < 1e-3
+    np.testing.assert_allclose(flight["imu"]["gyro_x", "gyro_y", "gyro_z"], w, atol=1e-4)
+    np.testing.assert_allclose(flight["estimator"]["x", "y", "z"], p, atol=1e-4)
+    units = (1.0, 1.0) if si else (1000.0 / 9.81, 1000.0)
+    force = DOWN * turn.inv().apply(a + G)
+    table = {"time_usec": np.round(1e6 * t), **dict(zip(EULER, angles.T, strict=True)),
+             **dict(zip(("xacc", "yacc", "zacc"), units[0] * force.T, strict=True)),
+             **dict(zip(("xgyro", "ygyro", "zgyro"), units[1] * (DOWN * w).T, strict=True))}
+    flight, draft = read(tmp_path, "IMU.csv", table)
+    np.testing.assert_allclose(flight["imu"]["acc_x", "acc_y", "acc_z"], DOWN * force, atol=1e-3)
+    np.testing.assert_allclose(flight["imu"]["gyro_x", "gyro_y", "gyro_z"], w, atol=1e-4)
