@@ -36,8 +36,9 @@ class Drafted:
 
 @dataclass
 class Draft:
-    """State of a draft: columns by (stream, quantity), frames by stream (``likely``: those of a guessed ecosystem),
-    columns left out, and questions."""
+    """State of a draft: columns by (stream, quantity), frames by stream, columns left out, and questions.
+
+    ``likely``: frames of an ecosystem that is only guessed."""
 
     mapped: dict[Key, Drafted] = field(default_factory=dict)
     frames: dict[str, str] = field(default_factory=dict)

@@ -53,11 +53,11 @@ class Judge:
         group = next(g for g in self.groups if (g.vehicle, g.number) == (case.vehicle, case.group))
         key = key_of("diagnosed", self.engine.name, self.engine.code, group.key, case.key, self.seed)
         return Item(key, diagnosed, {"engine": self.engine, "group": group, "case": case, "seed": self.seed},
-                    f"diagnose {case.name}", case.name)
+                    f"diagnose {case.name}")
 
 
 def diagnosed(engine: Engine, group: Group, case: CorruptedCase, seed: int) -> Diagnosed:
-    """One case."""
+    """One case; ``Diagnosed.error`` has the reason where the engine fails."""
     start = time.process_time()
     try:
         verdict = to_json(engine.diagnose(case.recordings, case.simulator, seed))
@@ -104,10 +104,10 @@ def here(items: Sequence[Item], title: str) -> RunResult:
 
 def run(judge: Judge, cases: Sequence[CorruptedCase],
         work: Callable[[Sequence[Item], str], RunResult] = here) -> dict[str, Diagnosed]:
-    """{name of the case: verdict}. A killed run goes on where it was."""
+    """{name of the case: verdict}. A killed run goes on where it was. ``work``: runs items, as ``run_items`` does."""
     items = {case.name: judge.item(case) for case in cases}
     done = work(list(items.values()), "diagnose")
-    lost = {entry["file"]: entry["error"] for entry in done.failed}
+    lost = {entry["item"]: entry["error"] for entry in done.failed}
     return {name: done.values[item.key] if item.key in done.values else
-            Diagnosed({"outcome": "error", "findings": []}, None, 0.0, lost.get(name, "no result"))
+            Diagnosed({"outcome": "error", "findings": []}, None, 0.0, lost.get(item.label, "no result"))
             for name, item in items.items()}
