@@ -30,8 +30,8 @@ from ..sources.column_names import (
     vehicles_of,
 )
 from ..sources.lost_poses import POSITION, placeholders
-from ..sources.px4_columns import px4_columns
 from ..sources.stand import is_a_stand
+from ..sources.topic_columns import topic_columns
 from ..sources.tum_layout import NORM_TOLERANCE
 from ..units import GRAVITY_M_S2, factor
 from . import column_evidence as evidence
@@ -40,11 +40,14 @@ from .draft_axes import judge_axes
 from .draft_frames import judge_frames
 from .draft_motion import judge_motion
 from .draft_table import Table, read_table
+from .draft_targets import judge_targets
 from .draft_topics import name_topics
 from .draft_units import judge_units
 from .plausible_ranges import SLOWEST_STEP_S
 
 OURS = "ENU"
+OF_SET_POINTS = ("thrust[0]", "acceleration[0]", "jerk[0]", "acc_x")
+"""Columns that PX4's set-points have in addition to yawspeed, and its local position does not."""
 COMMANDED_THRUST: Key = ("command", "thrust")
 
 
@@ -57,6 +60,7 @@ def draft_columns(path: Path) -> ColumnDraft:
     _which_vehicle(draft, table)
     time_s = _time(draft, table, place)
     _whose(draft)
+    judge_targets(draft, table.values, path.name)
     _without_placeholders(draft, table)
     for stream in dict.fromkeys(stream for stream, _ in draft.mapped):
         _order_turn(stream, draft, table.values)
@@ -85,13 +89,16 @@ def _name(draft: Draft, table: Table, path: Path) -> None:
     topic = topic_in(stem)
     systems = recognised(names, topic)
     frames = draft.frames
-    if not topic and _like_px4(table):
-        systems, frames = recognised(names, "vehicle_local_position"), draft.likely
+    if not topic and (shown := _topic_of_px4(table)):
+        systems, frames = recognised(names, shown), draft.likely
     stated = {c: table.units.get(c) or unit_of(c) for c in names}
-    for column, (known, title) in (known_names(names, systems) | px4_columns(names)).items():
+    for column, (known, title) in (known_names(names, systems) | topic_columns(names)).items():
         key = (known.stream, known.quantity)
         if known.what:
             draft.unknown[column] = f"{known.what} ({title})"
+        elif key not in draft.mapped and known.stream and any(
+                k[0] == known.stream and frames.get(known.stream, "") != known.frame for k in draft.mapped):
+            draft.unknown[column] = f"{known.stream} in {known.frame or OURS} axes, others are not ({title})"
         elif key not in draft.mapped:
             written = stated[column] in allowed_units(*key)
             status = "assumed" if known.generic and not written else "known"
@@ -177,13 +184,18 @@ def _without_placeholders(draft: Draft, table: Table) -> None:
         table.values[column] = np.where(lost, np.nan, table.values[column])
 
 
-def _like_px4(table: Table) -> bool:
-    """Columns of PX4's local position, whose z only falls in flight and whose acceleration has no gravity in it."""
+def _topic_of_px4(table: Table) -> str:
+    """The topic that the columns of a renamed file are, or "": a set-point, or the local position.
+
+    The z of the local position only falls in flight, and its acceleration has no gravity in it."""
     need = ("timestamp", "x", "y", "z", "vx", "vy", "vz")
-    if not all(n in table.values for n in need) or not evidence.falls_in_flight(table.values["z"]):
-        return False
+    if not all(n in table.values for n in need):
+        return ""
+    if "yawspeed" in table.values and any(n in table.values for n in OF_SET_POINTS):
+        return "vehicle_local_position_setpoint"
     az = table.values.get("az")
-    return az is None or abs(float(np.nanmedian(az))) < 0.5 * GRAVITY_M_S2
+    level = az is None or abs(float(np.nanmedian(az))) < 0.5 * GRAVITY_M_S2
+    return "vehicle_local_position" if level and evidence.falls_in_flight(table.values["z"]) else ""
 
 
 def _time(draft: Draft, table: Table, place: str) -> np.ndarray:

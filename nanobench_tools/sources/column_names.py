@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Container, Iterable, Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 
 from .known import Ecosystem, Known, ecosystem, keys
@@ -43,6 +44,8 @@ NUMBERED = "0123"
 others."""
 _TIME = {"t", "time", "timestamp", "timestamps", "stamp", "ts", "sec", "secs", "seconds", "datetime", "elapsed",
          "boot"}
+NAMED_BY_FILES = ("px4", "mavlink")
+"""Ecosystems that write one table a topic or message, and its name into that of the file."""
 _CHARGE = {"percent", "percentage", "pct", "soc", "charge", "level", "remaining"}
 
 
@@ -168,33 +171,46 @@ def _pointed() -> dict[str, str]:
 
 
 def topic_in(stem: str) -> str:
-    """The topic of PX4 that a file of ``ulog2csv`` names (``LOG_TOPIC_INSTANCE``), or ""."""
+    """The topic of PX4 that a file of ``ulog2csv`` names (``LOG_TOPIC_INSTANCE``), or the message of MAVLink, or "".
+
+    >>> topic_in("log_trajectory_setpoint_0"), topic_in("SET_POSITION_TARGET_LOCAL_NED")
+    ('trajectory_setpoint', 'POSITION_TARGET_LOCAL_NED')
+    """
     name = re.sub(r"_\d+$", "", stem)
-    topics = sorted({k.topic for k in ecosystem("px4").names if k.topic}, key=len, reverse=True)
+    topics = sorted({k.topic for key in NAMED_BY_FILES for k in ecosystem(key).names if k.topic}, key=len, reverse=True)
     return next((t for t in topics if name == t or name.endswith(f"_{t}")), "")
 
 
 def recognised(columns: Sequence[str], topic: str) -> list[Ecosystem]:
     """Ecosystems whose names these columns are: one that only it has, or most of all columns spelled alike.
 
-    ``topic``: of PX4, whose names are common words."""
+    ``topic``: of PX4, whose names are common words, or of MAVLink."""
     there = {bare(c) for c in columns}
     found = []
     for key in keys():
         system = ecosystem(key)
         if system.timeless:
             continue
+        of_topic = key in NAMED_BY_FILES and topic in {k.topic for k in system.names}
         if key == "px4":
-            names = tuple(k for k in system.names if k.topic in ("", topic)) if topic else tuple(
+            names = tuple(k for k in system.names if k.topic in ("", topic)) if of_topic else tuple(
                 k for k in system.names if not k.topic or not k.plain)
             system = Ecosystem(key, f"{system.title} {topic}".strip(), system.origin, names)
         own = {k.name for k in system.names if not k.plain}
         all_names = {k.name for k in system.names}
-        stated = key == "px4" and topic and there & {k.name for k in system.names if k.topic}
+        stated = of_topic and topic and there & {k.name for k in system.names if k.topic == topic}
         alike = 2 * len(there & all_names) >= len(there) and len(there & all_names) > 2
         if stated or there & own or (alike and not system.shown_by_own):
-            found.append(system)
+            found.append(_of_messages(system, there, topic) if key == "mavlink" else system)
     return found
+
+
+def _of_messages(system: Ecosystem, there: Container[str], topic: str) -> Ecosystem:
+    """The names of the messages that ``topic`` or a column that only they have shows, before those of others."""
+    shown = {k.topic for k in system.names if k.topic and (k.topic == topic or (not k.plain and k.name in there))}
+    claimed = {k.name for k in system.names if k.topic in shown}
+    names = tuple(k for k in system.names if not k.topic or k.topic in shown or k.name not in claimed)
+    return replace(system, names=names)
 
 
 def known_names(columns: Iterable[str], systems: Iterable[Ecosystem]) -> dict[str, tuple[Known, str]]:
