@@ -18,6 +18,7 @@ LARGEST_FLIGHT_M = number("audit.column_evidence.largest_flight_m")
 FASTEST_RAD_S = number("audit.column_evidence.fastest_rad_s")
 SLOWEST_PEAK_RAD_S = number("audit.column_evidence.slowest_peak_rad_s")
 MOST_M_S2 = number("audit.column_evidence.most_m_s2")
+FASTEST_M_S = number("audit.column_evidence.fastest_m_s")
 CELLS_V = setting("audit.column_evidence.cells_v")
 LEAST_GRAVITY = number("audit.column_evidence.least_gravity")
 YAW_FOLLOWED_RAD = number("audit.column_evidence.yaw_followed_rad")
@@ -139,6 +140,19 @@ def pull_of(values: np.ndarray, time_s: np.ndarray, exceeded_in: float = 0.1) ->
     if not np.isfinite(rates).any():
         return 0.0
     return float(np.nanquantile(np.linalg.norm(rates, axis=1), 1.0 - exceeded_in))
+
+
+def no_vehicle_flies(values: np.ndarray, time_s: np.ndarray) -> bool:
+    """Whether (n, k) positions, m, leave every room, and in a tenth of the rows faster than vehicles do."""
+    if float(np.max(spans(values))) < LARGEST_FLIGHT_M:
+        return False
+    return pull_of(values, time_s) > MOST_M_S2 or size_of(rate_of(time_s, smooth(values))) > FASTEST_M_S
+
+
+def size_of(vectors: np.ndarray, exceeded_in: float = 0.1) -> float:
+    """Length of (n, k) vectors, exceeded in a tenth of the rows."""
+    known = vectors[np.isfinite(vectors).all(axis=1)]
+    return float(np.quantile(np.linalg.norm(known, axis=1), 1.0 - exceeded_in)) if len(known) else 0.0
 
 
 def rates_that_fit(values: np.ndarray, factors: dict[str, float]) -> list[str]:

@@ -13,7 +13,8 @@ from ..sources.column_names import meaning, words_of
 from ..sources.tum_layout import NORM_TOLERANCE
 from ..units import GRAVITY_M_S2, PWM_FULL_SCALE, factor
 from . import column_evidence as evidence
-from .draft import QUATERNION, TIME, Draft, Key
+from .draft import QUATERNION, Draft, Key
+from .draft_places import judge_places
 from .quaternion_reading import Samples, reading_of
 
 VECTORS: tuple[tuple[str, tuple[str, ...]], ...] = tuple(
@@ -50,8 +51,7 @@ def judge_units(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarr
     _battery(draft, values)
     _motors(draft, values)
     _gravity(draft, values)
-    for stream, names in (("mocap", ("px", "py", "pz")), ("estimator", ("x", "y", "z"))):
-        _position(draft, stream, names, values, time_s)
+    judge_places(draft, values, time_s)
     for stream in ("mocap", "attitude_qw"):
         _quaternion(draft, stream, values, time_s)
     _angles(draft, values)
@@ -163,56 +163,6 @@ def _at_rest(cells: np.ndarray, gravity: float) -> bool:
     """Whether the first rows of (n, 3) specific forces have this size: a vehicle rests before it takes off."""
     first = cells[: max(len(cells) // REST_SHARE, evidence.WINDOW)]
     return bool(abs(float(np.linalg.norm(np.nanmean(first, axis=0))) / gravity - 1.0) < GRAVITY_WITHIN)
-
-
-def _position(draft: Draft, stream: str, names: tuple[str, ...], values: Mapping[str, np.ndarray],
-              time_s: np.ndarray) -> None:
-    keys = draft.columns(stream, names)
-    speeds = draft.columns(stream, tuple(f"v{n[-1]}" for n in names))
-    if not keys:
-        if draft.open(speeds):
-            draft.confirm(speeds, "nothing shows it")
-        return
-    pairs = [(k, s) for k in keys for s in speeds if k[1][-1] == s[1][-1]]
-    agree = False
-    if pairs:
-        rate = evidence.rate_of(time_s, draft.si([k for k, _ in pairs], values))
-        found = evidence.ratio(evidence.smooth(draft.si([s for _, s in pairs], values)), rate)
-        agree = found.agrees(1.0)
-        if agree:
-            draft.confirm([*keys, *speeds], "velocity and position agree")
-        elif found.known:
-            shown = ", ".join(f"{r:.3g}" for r in found.known)
-            draft.ask([*keys, *speeds],
-                      f"the velocity is {shown} times the rate of the position; write the unit of each")
-            return
-    still, fast = draft.open(keys), draft.open(speeds)
-    both = [*keys, *fast]  # agreement shows the ratio of their units alone
-    cells = np.stack([values[draft.mapped[k].column] for k in keys], axis=1)
-    each = evidence.spans(cells)
-    moving = each[each > 0.0]
-    scaled = each * [factor(draft.mapped[k].unit) for k in keys]
-    factors = {"m": 1.0, "cm": factor("cm"), "mm": factor("mm")}
-    if len(moving) and still:
-        fits = evidence.lengths_that_fit(cells, time_s, factors)
-        alone = [evidence.lengths_that_fit(cells[:, [k]], time_s, factors) or list(factors) for k in range(len(keys))]
-        if not set.intersection(*map(set, alone)):
-            draft.ask(both, "they are not of one size: are they all in one unit? write the unit of each")
-        elif len(fits) > 1:
-            rates = f" and \"{fits[-1]}/s\"" if fast else ""
-            draft.ask(both, f"{' or '.join(fits)}{', and the same per second' if fast else ''}? both are possible; "
-                      f"write unit = \"{fits[-1]}\"{rates}, or another, at each")
-        elif fits and fits != ["m"]:
-            draft.set_unit(still, fits[0], f"they span {moving.max():.4g}")
-            if agree:
-                draft.set_unit(fast, f"{fits[0]}/s", "velocity and position agree")
-            elif fast:
-                draft.ask(fast, f"the position is in {fits[0]}; is this in {fits[0]}/s? write the unit of each")
-        elif not fits and moving.max() > evidence.SMALLEST_FLIGHT_M:
-            draft.ask(both, f"no vehicle flies such a path in m, cm or mm with the time in {draft.mapped[TIME].unit}; "
-                      "write the unit of each")
-    elif len(moving) and scaled.max() > 20.0 * evidence.LARGEST_FLIGHT_M:
-        draft.ask(keys, f"they span {scaled.max():.4g} m: no flight; which unit is it?")
 
 
 def _quaternion(draft: Draft, stream: str, values: Mapping[str, np.ndarray], time_s: np.ndarray) -> None:

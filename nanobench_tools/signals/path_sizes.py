@@ -14,7 +14,7 @@ from .. import so3
 from ..settings import number
 from ..units import GRAVITY_M_S2
 from .axis_unit_matching import FACTOR_WITHIN
-from .column_evidence import LARGEST_FLIGHT_M, MOST_M_S2, noise_by_axis, pull_of, spans
+from .column_evidence import LARGEST_FLIGHT_M, MOST_M_S2, no_vehicle_flies, noise_by_axis, pull_of, spans
 from .context import Context
 from .flown_axes import tracker_scale
 from .held_poses import POSITION, ROTATION
@@ -53,6 +53,9 @@ def wrong_paths(context: Context) -> list[WrongUnit]:
         keep = np.isfinite(position).all(axis=1)
         if keep.sum() < FEWEST_ROWS / 10:
             continue
+        if name != "mocap" and (wide := _wide(name, quantities, stream.time_s[keep], position[keep])) is not None:
+            found.append(wide)
+            continue
         thin = _thin(context, name, quantities, position[keep])
         if thin is not None and not reported & set(thin.quantities):
             found.append(thin)
@@ -79,6 +82,18 @@ def tilted_path(context: Context) -> WrongUnit | None:
     both_axes = f" (or times are {factor ** -0.5:.3g} times the true ones)" if len(wrong) > 1 else ""
     return WrongUnit("mocap", names, named.factor, f"{', '.join(names)} accelerates {factor:.3g} times as much as the "
                                                    f"tilt gives{both_axes}{named.reading}")
+
+
+def _wide(name: str, quantities: tuple[str, ...], time_s: np.ndarray, position: np.ndarray) -> WrongUnit | None:
+    """A path out of every room that is flown faster than any vehicle flies: its lengths are in another unit."""
+    every = _rows_apart(time_s)
+    if not no_vehicle_flies(position[::every], time_s[::every]):
+        return None
+    extent, fast = float(spans(position).max()), _pull(time_s, position, 0.1)
+    fits = [f for f in (1000.0, 100.0) if extent < f * LARGEST_FLIGHT_M and fast < f * MOST_M_S2]
+    return WrongUnit(name, quantities, fits[0] if fits else 1000.0,
+                     f"the path of {name} spans {extent:.4g} m, and a tenth of its rows accelerates by {fast:.3g} "
+                     "m/s^2: mm or cm")
 
 
 def _turned(context: Context) -> WrongUnit | None:
@@ -151,5 +166,10 @@ def _pace(name: str, time_s: np.ndarray, position: np.ndarray) -> WrongUnit | No
 
 def _pull(time_s: np.ndarray, position: np.ndarray, exceeded_in: float) -> float:
     """Acceleration [m/s^2] that is exceeded in such a share of the rows."""
-    every = max(1, min(int(np.ceil(SHORTEST_STEP_S / max(typical_step_s(time_s), 1e-12))), len(time_s) // 20))
+    every = _rows_apart(time_s)
     return pull_of(position[::every], time_s[::every], exceeded_in)
+
+
+def _rows_apart(time_s: np.ndarray) -> int:
+    """Every how many rows are far enough apart for a derivative."""
+    return max(1, min(int(np.ceil(SHORTEST_STEP_S / max(typical_step_s(time_s), 1e-12))), len(time_s) // 20))

@@ -1,0 +1,120 @@
+"""Units of positions, velocities and accelerations of a drafted map, which the numbers show or leave open."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..units import factor
+from . import column_evidence as evidence
+from .draft import TIME, Draft, Key
+
+PATHS = (("mocap", ("px", "py", "pz")), ("estimator", ("x", "y", "z")))
+
+
+def judge_places(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarray) -> None:
+    """Units that a path and its rate show, and questions where no vehicle flies so."""
+    for stream, names in PATHS:
+        _position(draft, stream, names, values, time_s)
+        _speed(draft, stream, values)
+    _acceleration(draft, values)
+    _place_wanted(draft, values)
+
+
+def _position(draft: Draft, stream: str, names: tuple[str, ...], values: Mapping[str, np.ndarray],
+              time_s: np.ndarray) -> None:
+    keys = draft.columns(stream, names)
+    speeds = draft.columns(stream, tuple(f"v{n[-1]}" for n in names))
+    if not keys:
+        if draft.open(speeds):
+            draft.confirm(speeds, "nothing shows it")
+        return
+    pairs = [(k, s) for k in keys for s in speeds if k[1][-1] == s[1][-1]]
+    agree = False
+    if pairs:
+        rate = evidence.rate_of(time_s, draft.si([k for k, _ in pairs], values))
+        found = evidence.ratio(evidence.smooth(draft.si([s for _, s in pairs], values)), rate)
+        agree = found.agrees(1.0)
+        if agree:
+            draft.confirm([*keys, *speeds], "velocity and position agree")
+        elif found.known:
+            shown = ", ".join(f"{r:.3g}" for r in found.known)
+            draft.ask([*keys, *speeds],
+                      f"the velocity is {shown} times the rate of the position; write the unit of each")
+            return
+    still, fast = draft.open(keys), draft.open(speeds)
+    both = [*keys, *fast]  # agreement shows the ratio of their units alone
+    cells = np.stack([values[draft.mapped[k].column] for k in keys], axis=1)
+    each = evidence.spans(cells)
+    moving = each[each > 0.0]
+    scaled = each * [factor(draft.mapped[k].unit) for k in keys]
+    factors = {"m": 1.0, "cm": factor("cm"), "mm": factor("mm")}
+    if len(moving) and still:
+        fits = evidence.lengths_that_fit(cells, time_s, factors)
+        alone = [evidence.lengths_that_fit(cells[:, [k]], time_s, factors) or list(factors) for k in range(len(keys))]
+        if not set.intersection(*map(set, alone)):
+            draft.ask(both, "they are not of one size: are they all in one unit? write the unit of each")
+        elif len(fits) > 1:
+            rates = f" and \"{fits[-1]}/s\"" if fast else ""
+            draft.ask(both, f"{' or '.join(fits)}{', and the same per second' if fast else ''}? both are possible; "
+                      f"write unit = \"{fits[-1]}\"{rates}, or another, at each")
+        elif fits and fits != ["m"]:
+            draft.set_unit(still, fits[0], f"they span {moving.max():.4g}")
+            if agree:
+                draft.set_unit(fast, f"{fits[0]}/s", "velocity and position agree")
+            elif fast:
+                draft.ask(fast, f"the position is in {fits[0]}; is this in {fits[0]}/s? write the unit of each")
+        elif not fits and moving.max() > evidence.SMALLEST_FLIGHT_M:
+            draft.ask(both, f"no vehicle flies such a path in m, cm or mm with the time in {draft.mapped[TIME].unit}; "
+                      "write the unit of each")
+    elif len(moving) and evidence.no_vehicle_flies(draft.si(keys, values), time_s):
+        draft.ask([*keys, *speeds] if agree else keys,
+                  f"they span {scaled.max():.4g} m, faster than any vehicle; which unit is it? write it at each")
+    elif len(moving) and _stated_too_small(draft, keys, values):
+        draft.ask([*keys, *speeds] if agree else keys,
+                  f"whole mm as {draft.mapped[keys[0]].why} has them, or m? They are no whole numbers and span "
+                  f"{moving.max():.3g}; write the unit of each")
+
+
+def _stated_too_small(draft: Draft, keys: list[Key], values: Mapping[str, np.ndarray]) -> bool:
+    """Whether positions that an ecosystem has in whole mm are none: broken numbers, a flight in m and none in mm."""
+    cells = np.stack([values[draft.mapped[k].column] for k in keys], axis=1)
+    known = cells[np.isfinite(cells).all(axis=1)]
+    span = float(np.max(evidence.spans(cells)))
+    return bool(all(draft.mapped[k].unit == "mm" and draft.mapped[k].why not in ("", "stated") for k in keys)
+                and np.any(known != np.round(known)) and evidence.SMALLEST_FLIGHT_M < span < evidence.LARGEST_FLIGHT_M
+                and span * factor("mm") < evidence.SMALLEST_FLIGHT_M)
+
+
+def _speed(draft: Draft, stream: str, values: Mapping[str, np.ndarray]) -> None:
+    """A velocity that no vehicle has."""
+    keys = draft.columns(stream, ("vx", "vy", "vz"))
+    speed = evidence.size_of(draft.si(keys, values)) if keys else 0.0
+    if speed > evidence.FASTEST_M_S:
+        draft.ask(keys, f"{speed:.4g} m/s or more in a tenth of the rows: no flight; which unit is it? write it at "
+                  "each")
+
+
+def _acceleration(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
+    """An estimated acceleration that no vehicle has."""
+    keys = draft.columns("estimator_acc", ("ax", "ay", "az"))
+    size = evidence.size_of(draft.si(keys, values)) if keys else 0.0
+    if size > evidence.MOST_M_S2:
+        draft.ask(keys, f"{size:.4g} m/s^2 or more in a tenth of the rows: no flight; which unit is it? write it at "
+                  "each")
+
+
+def _place_wanted(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
+    """A set-point that the path follows by another factor than 1 is in another unit."""
+    wanted = draft.columns("setpoint", ("x", "y", "z"))
+    for stream, names in PATHS:
+        pairs = [(k, p) for k in wanted for p in draft.columns(stream, names) if k[1] == p[1][-1]]
+        if not pairs:
+            continue
+        found = evidence.ratio(draft.si([k for k, _ in pairs], values), draft.si([p for _, p in pairs], values))
+        if found.known and all(abs(np.log(r)) > np.log(factor("m") / factor("cm")) - np.log(evidence.SAME)
+                               for r in found.known):
+            shown = ", ".join(f"{r:.3g}" for r in found.known)
+            draft.ask(wanted, f"the set-point is {shown} times the position that follows it; write the unit of each")
+            return
