@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -37,6 +38,9 @@ LEAST_TILT_DEG = 1.0
 """A vehicle that flies tilts further at some time."""
 LEAST_COMMAND = 0.16
 """A vehicle that flies commands more than this share of full at some time. Counts to 4095 or 10 000 stay below it."""
+COUNTS_APART = 0.05
+"""Shares that were written as 16 bits over their full scale are whole counts within this, with six decimals."""
+FORCE_WORDS = frozenset({"thrust", "thrusts", "force", "forces", "collective"})
 MOST_TURNS = 4
 """Turns of a yaw in rad that was unwrapped, at most; a larger number is in degrees."""
 
@@ -117,6 +121,8 @@ def _motors(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
         if bottom < 0.0:
             draft.ask(keys, f"between {bottom:.3g} and {top:.4g}: a rotor is commanded no negative thrust; is it a "
                       "motor's command?")
+        elif top <= 1.2 and (readings := _of_a_command(draft, keys, cells, values)):
+            draft.ask(keys, f"between {bottom:.3g} and {top:.3g}: {readings}")
         elif top <= 1.2:
             draft.mapped.update({k: replace(draft.mapped[k], why=f"between {bottom:g} and {top:.3g}") for k in keys})
         elif bottom >= 900.0 and top <= 2100.0:
@@ -127,6 +133,22 @@ def _motors(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
         else:
             choices = ", ".join(allowed_units(*keys[0]))
             draft.ask(keys, f"between {bottom:g} and {top:.4g}: the unit is unknown; write unit = one of {choices}")
+
+
+def _of_a_command(draft: Draft, keys: list[Key], cells: np.ndarray, values: Mapping[str, np.ndarray]) -> str:
+    """What else commands of (n, k) numbers up to 1 can be, or "": forces in N, where the name does not exclude them."""
+    top = float(np.nanmax(cells))
+    if top in (0.0, 1.0) or np.allclose(cells * PWM_FULL_SCALE, np.round(cells * PWM_FULL_SCALE), 0.0, COUNTS_APART,
+                                        equal_nan=True):
+        return ""
+    path = draft.columns("mocap", ("px", "py", "pz")) or draft.columns("estimator", ("x", "y", "z"))
+    if top < LEAST_COMMAND and path and evidence.spans(draft.si(path, values)).max() > evidence.SMALLEST_FLIGHT_M:
+        return "no share of full command that lifts a vehicle. Forces in N, or counts? write the unit of each"
+    if not all(set(words_of(draft.mapped[k].column)[0]) & FORCE_WORDS
+               or re.fullmatch(r"(?i)u_?\d", draft.mapped[k].column) for k in keys):
+        return ""
+    wholly = 'unit = "N"' if keys[0][0] == "command" else "leave them out, since a map reads no force of a rotor"
+    return f"shares of full command, or forces in N? Both are possible: write unit = \"1\", or {wholly}"
 
 
 def _gravity(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
