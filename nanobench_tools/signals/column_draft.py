@@ -46,6 +46,8 @@ from .draft_units import judge_units
 from .plausible_ranges import SLOWEST_STEP_S
 
 OURS = "ENU"
+FALLS = 0.2
+"""Share of rows before which a time falls, at most. Counters that wrap and files of several sessions stay far below."""
 OF_SET_POINTS = ("thrust[0]", "acceleration[0]", "jerk[0]", "acc_x")
 """Columns that PX4's set-points have in addition to yawspeed, and its local position does not."""
 COMMANDED_THRUST: Key = ("command", "thrust")
@@ -225,6 +227,9 @@ def _time(draft: Draft, table: Table, place: str) -> np.ndarray:
         draft.unknown.pop(rest, None)
         return np.asarray(seconds - seconds[np.isfinite(seconds)][:1])
     steps = np.diff(stamps)
+    if (falls := int(np.sum(steps < 0.0))) > FALLS * len(steps):
+        raise InputError(f"{place}: column {time.column}", f"falls in {falls} of {len(stamps)} rows: they are out of "
+                         "order, or it is no time", "sort the rows by time, or name another column t")
     steps = steps[np.isfinite(steps) & (steps > 0.0)]
     if not len(steps):
         draft.notes.append(f"{time.column} never grows: is it the time?")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,13 @@ from ..sources.mocap_export import program_of
 from ..sources.payload import read_file, unpack
 from ..sources.table import PARQUET_MAGIC
 from .draft import TIME
+
+SAMPLE = 1 << 20
+"""Bytes of a table that are searched for thousands separators."""
+MARKS = ",.' \N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}"
+DIGITS = re.compile(rf"[+-]?\d[\d{re.escape(MARKS)}]*")
+GROUPED_CELLS = 3
+"""Cells in groups of three digits that a column has, at least."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +60,10 @@ def read_table(path: Path) -> Table:
         appear = "appears" if len(twice) == 1 else "appear"
         raise InputError(place, f"{', '.join(map(repr, twice))} {appear} twice in the line of names",
                          "rename them, so that each names one column")
+    if grouped := _thousands(data[:SAMPLE], place, [*grid.columns, *grid.text]):
+        name, cell = grouped
+        raise InputError(f"{place}: column {name}", f"{cell!r} has a thousands separator or a decimal comma",
+                         "write plain numbers with a point")
     if set(grid.text) & {"name", "variable", "key", "signal"} and "value" in grid.columns:
         raise InputError(place, "long format: one variable per row, a name and its value",
                          "pivot it to one column per variable, for example pandas.DataFrame.pivot")
@@ -67,6 +79,25 @@ def _one_variable_a_row(names: Sequence[str]) -> bool:
     """Whether the first line is a row such as ``1.000,33577,stateEstimate.z,0.500``."""
     numbers = [is_number(n) for n in names]
     return 2 < len(names) < 6 and numbers.count(False) == 1 and numbers[0] and numbers[-1]
+
+
+def _thousands(data: bytes, place: str, names: Sequence[str]) -> tuple[str, str] | None:
+    """A column whose numbers have a mark between groups of three digits from 1000 on, and one of its cells."""
+    columns, _, dialect = read_text_columns(data.rpartition(b"\n")[0] or data, place, names)
+    for name, cells in columns.items():
+        filled = [c for c in cells if c]
+        if not all(map(DIGITS.fullmatch, filled)):
+            continue
+        for mark in MARKS:
+            grouped = [c for c in filled if mark in c]
+            plain = [c for c in filled if mark not in c]
+            of_groups = re.compile(rf"[+-]?[1-9]\d{{0,2}}({re.escape(mark)}\d{{3}})+([.,]\d*)?")
+            if len(grouped) < GROUPED_CELLS or not all(map(of_groups.fullmatch, grouped)):
+                continue
+            small = all(len(re.split(r"[.,]", c.lstrip("+-"))[0]) < 4 for c in plain)
+            if small and (mark != dialect.decimal or (plain and all(c.lstrip("+-").isdigit() for c in plain))):
+                return name, grouped[0]
+    return None
 
 
 def _parquet(data: bytes, place: str) -> Table:

@@ -10,6 +10,9 @@ from dataclasses import dataclass
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?", re.ASCII)
 
+MINUS = "\N{MINUS SIGN}".encode()
+"""Word processors and plotting programs write it for a hyphen."""
+
 
 @dataclass(frozen=True)
 class Dialect:
@@ -22,7 +25,7 @@ def normalise_text(data: bytes) -> bytes:
     """UTF-8 bytes without byte order mark, lines ended by a line feed."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         data = data.decode("utf-16", errors="replace").encode()
-    data = data.removeprefix(b"\xef\xbb\xbf")
+    data = data.removeprefix(b"\xef\xbb\xbf").replace(MINUS, b"-")
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n")
         if b"\n" not in data:

@@ -53,7 +53,7 @@ class Export:
 
     - program, body.
     - columns of position (3,) and attitude (4, 9, 3 or none) by place; ``turn``: one of quaternion, matrix, euler.
-    - length: m per unit.
+    - length: m per unit; order: axes of the angles, first turn first.
     - time: place of seconds, else of frames, with their rate; first, end: rows of data (None: up to the last)."""
 
     program: str
@@ -68,6 +68,7 @@ class Export:
     frame: str = ""
     note: str = ""
     end: int | None = None
+    order: str = "XYZ"
 
 
 class MocapExport:
@@ -192,7 +193,7 @@ def _qualisys(rows: list[list[str]], place: str) -> Export:
     x = next(k for k, c in enumerate(header) if c.split() and c.split()[-1] == "X")
     axes = [c.split()[-1] if c else "" for c in header]
     matrix = tuple(k for k, c in enumerate(header) if c.startswith("Rot[") or "Rot[" in c)[:ROTATION_MATRIX]
-    euler = tuple(axes.index(n) for n in EULER) if set(EULER) <= set(axes) else ()
+    euler = tuple(sorted(axes.index(n) for n in EULER)) if set(EULER) <= set(axes) else ()
     seconds = header.index("Time") if "Time" in header else None
     frame = header.index("Frame") if "Frame" in header else 0
     if seconds is None and "Frame" not in header:
@@ -201,10 +202,15 @@ def _qualisys(rows: list[list[str]], place: str) -> Export:
         raise InputError(place, f"a Qualisys export whose positions are {', '.join(axes[x:x + 3])}",
                          "export X, Y and Z")
     turn, attitude = ("matrix", matrix) if len(matrix) == ROTATION_MATRIX else ("euler", euler) if euler else ("", ())
-    note = "Roll, Pitch, Yaw are read as turns about x, y, z, as Qualisys defines them by default" * (turn == "euler")
+    angles = [n for n in header[x + 3:] if n and not n.startswith("Residual") and "Rot[" not in n]
+    note = (f"{', '.join(header[k] for k in euler)} are read as turns about axes of the body in this order: other "
+            "settings of the program need the rotation matrix") if turn == "euler" else (
+            f"the angles {', '.join(angles)} are not read: their axes are a setting; export the rotation matrix"
+            if angles and not turn else "")
     return Export("Qualisys", bodies or ("body",), (x, x + 1, x + 2), attitude, turn, factor("mm"),
                   frame if seconds is None else seconds,
-                  None if seconds is not None else _rate(about.get("FREQUENCY", [""])[0], place), names + 1, "", note)
+                  None if seconds is not None else _rate(about.get("FREQUENCY", [""])[0], place), names + 1, "", note,
+                  order="".join("XYZ"[EULER.index(axes[k])] for k in euler))
 
 
 def _vicon(rows: list[list[str]], place: str) -> Export:
@@ -328,6 +334,6 @@ def _quaternion(cells: np.ndarray, export: Export) -> np.ndarray | None:
     elif export.turn == "matrix":  # column by column
         found[there] = Rotation.from_matrix(cells[there].reshape(-1, 3, 3).swapaxes(1, 2)).as_quat()
     else:
-        found[there] = Rotation.from_euler("XYZ", cells[there], degrees=True).as_quat()
+        found[there] = Rotation.from_euler(export.order, cells[there], degrees=True).as_quat()
     return found
 
