@@ -13,18 +13,14 @@ from scipy.spatial.transform import Rotation
 
 from ..metrics.alignment import AlignmentError, align
 from ..metrics.trajectory import ate
+from ..settings import number
 from ..signals.quaternion_reading import AS_STORED, SCALAR_FIRST, SCALAR_LAST_READ_FIRST, Reading
 
-OTHER_BODY_RAD = np.radians(45.0)
-"""Minimum turn of a body that is a mount or a convention. Heading errors of estimators are smaller."""
-STEADY_RAD = np.radians(10.0)
-"""A mount turns by less from row to row, in the median."""
-LEAST_WRONG_RAD = np.radians(2.0)
-"""Median error of the attitude from which another reading of its quaternions is looked for."""
-EXPLAINED = 0.2
-"""Share of an error that another convention leaves, at most."""
-OTHER_SCALE = 1.1
-"""Factor of a path beyond which its scale is named."""
+OTHER_BODY_RAD = np.radians(number("protocols.foreign_conventions.other_body_deg"))
+STEADY_RAD = np.radians(number("protocols.foreign_conventions.steady_deg"))
+LEAST_WRONG_RAD = np.radians(number("protocols.foreign_conventions.least_wrong_deg"))
+EXPLAINED = number("protocols.foreign_conventions.explained")
+OTHER_SCALE = number("protocols.foreign_conventions.other_scale")
 
 
 def convention_of(position_m: np.ndarray, quaternion: np.ndarray, world: np.ndarray, truth_m: np.ndarray,

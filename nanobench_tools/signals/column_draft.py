@@ -15,6 +15,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..flight import make_stream
+from ..settings import number
 from ..sources.column_map import DATES, FORCE_UNITS, allowed_units
 from ..sources.column_names import (
     NUMBERED,
@@ -46,8 +47,7 @@ from .draft_units import judge_units
 from .plausible_ranges import SLOWEST_STEP_S
 
 OURS = "ENU"
-FALLS = 0.2
-"""Share of rows before which a time falls, at most. Counters that wrap and files of several sessions stay far below."""
+FALLS = number("audit.column_draft.falls")
 OF_SET_POINTS = ("thrust[0]", "acceleration[0]", "jerk[0]", "acc_x")
 """Columns that PX4's set-points have in addition to yawspeed, and its local position does not."""
 COMMANDED_THRUST: Key = ("command", "thrust")

@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from ..errors import InputError
+from ..settings import count
 from ..sources.cells import read_grid, read_text_columns
 from ..sources.column_names import meaning
 from ..sources.dates import looks_like_dates, seconds_of_dates
@@ -26,8 +27,7 @@ SAMPLE = 1 << 20
 """Bytes of a table that are searched for thousands separators."""
 MARKS = ",.' \N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}"
 DIGITS = re.compile(rf"[+-]?\d[\d{re.escape(MARKS)}]*")
-GROUPED_CELLS = 3
-"""Cells in groups of three digits that a column has, at least."""
+GROUPED_CELLS = count("audit.draft_table.grouped_cells")
 
 
 @dataclass(frozen=True)

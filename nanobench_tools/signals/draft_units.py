@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from .. import so3
+from ..settings import count, number
 from ..sources.column_map import PWM_STREAMS, allowed_units
 from ..sources.column_names import meaning, words_of
 from ..sources.tum_layout import NORM_TOLERANCE
@@ -25,24 +26,15 @@ VECTORS: tuple[tuple[str, tuple[str, ...]], ...] = tuple(
         ("imu", ("acc_x", "acc_y", "acc_z")), ("imu", ("gyro_x", "gyro_y", "gyro_z")),
         ("attitude", ("roll", "pitch", "yaw"))))
 """Quantities that share a unit."""
-REST_SHARE = 20
-"""Of a table, one part in so many is taken as rest before take-off."""
-GRAVITY_WITHIN = 0.01
-"""Calibrated accelerometers show gravity at rest within this share; cm/s^2 and counts of 1/1024 g differ by 2 %."""
-COUNTS_WITHIN = 1.03
-"""Factor within which a gyro in mrad/s turns as the attitude; counts of 1/16.4 deg/s differ by 1.06."""
-OF_ONE_UNIT = 35.0
-"""Factor between the turning about two axes beyond which they are in two units. Real flights reach 18; deg and rad
-differ by 57."""
-LEAST_TILT_DEG = 1.0
-"""A vehicle that flies tilts further at some time."""
-LEAST_COMMAND = 0.16
-"""A vehicle that flies commands more than this share of full at some time. Counts to 4095 or 10 000 stay below it."""
-COUNTS_APART = 0.05
-"""Shares that were written as 16 bits over their full scale are whole counts within this, with six decimals."""
+REST_SHARE = count("audit.draft_units.rest_share")
+GRAVITY_WITHIN = number("audit.draft_units.gravity_within")
+COUNTS_WITHIN = number("audit.draft_units.counts_within")
+OF_ONE_UNIT = number("audit.draft_units.of_one_unit")
+LEAST_TILT_DEG = number("audit.draft_units.least_tilt_deg")
+LEAST_COMMAND = number("audit.draft_units.least_command")
+COUNTS_APART = number("audit.draft_units.counts_apart")
+MOST_TURNS = count("audit.draft_units.most_turns")
 FORCE_WORDS = frozenset({"thrust", "thrusts", "force", "forces", "collective"})
-MOST_TURNS = 4
-"""Turns of a yaw in rad that was unwrapped, at most; a larger number is in degrees."""
 
 
 def judge_units(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarray) -> None:

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from ..errors import InputError
 from ..flight import Flight, Provenance, make_stream
+from ..settings import count, number, setting
 from ..units import factor
 from .axes import frame_of, in_our_axes
 from .cells import parse_number
@@ -26,8 +27,7 @@ from .tum_layout import NORM_TOLERANCE
 from .units_as_written import unit_as_written
 
 POSITION, QUATERNION = ("px", "py", "pz"), ("qx", "qy", "qz", "qw")
-LINES_SEEN = 40
-"""Lines of a preamble, at most."""
+LINES_SEEN = count("sources.mocap_export.lines_seen")
 QUALISYS = ("NO_OF_FRAMES", "FREQUENCY")
 VICON = ("Objects", "Segments", "Global Angle (deg)", "Trajectories", "Devices", "Joints", "Model Outputs", "Subjects")
 """Titles of sections; a file may have several, each with its rate and its names."""
@@ -36,15 +36,14 @@ VICON_KIND = re.compile(r"^(Global|Local) (Angle|Translation|Rotation) ?")
 ROTATION_MATRIX = 9
 EULER = ("Roll", "Pitch", "Yaw")
 FULL_TURN_DEG = 360.0
-FLIGHT_M = (0.3, 50.0)
-"""A path of this extent is a flight; that of a body that stands still is not, in any unit."""
+FLIGHT_M = setting("sources.mocap_export.flight_m")
 Y_UP = "EUS/FUR"
-GROUND_S, STILL_M, NEAR_M, CLIMBS_M = 0.5, 0.02, 0.05, 0.2
-"""A body rests for this time at both ends, moves by less meanwhile, never goes lower than this, and rises by more."""
-MOST_M_S2 = 100.0
-"""No vehicle accelerates by more in a tenth of its rows."""
-NOISY = 0.1
-"""Steps from row to row, as a share of the extent, that are noise of a body at rest and no path."""
+GROUND_S = number("sources.mocap_export.ground_s")
+STILL_M = number("sources.mocap_export.still_m")
+NEAR_M = number("sources.mocap_export.near_m")
+CLIMBS_M = number("sources.mocap_export.climbs_m")
+MOST_M_S2 = number("sources.mocap_export.most_m_s2")
+NOISY = number("sources.mocap_export.noisy")
 
 
 @dataclass(frozen=True)
