@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from nanobench_tools.errors import MissingExtraError
 from nanobench_tools.methods import Predictor
 from nanobench_tools.metrics.prediction import QUANTITIES
 from nanobench_tools.protocols.task1 import Case, PredictionRow
 from nanobench_tools.protocols.windows import cut_windows
+from nanobench_tools.results.flight_figure import plotly
 from nanobench_tools.results.result_files import write_bytes
 from nanobench_tools.sources.labels import family_of
 
@@ -27,16 +27,6 @@ LOG = {"type": "log", "tickvals": _MARKS, "ticktext": [f"{mark:g}" for mark in _
 """A logarithmic axis whose marks are all numbers of one size."""
 APART = 5
 """Every fifth window is drawn, so that predicted paths follow one another."""
-
-
-def plotly() -> tuple[Any, Any]:
-    """(graph_objects, make_subplots); MissingExtraError without plotly."""
-    try:
-        import plotly.graph_objects as figures
-        from plotly.subplots import make_subplots
-    except ImportError as error:
-        raise MissingExtraError("plotly", "report") from error
-    return figures, make_subplots
 
 
 def horizon_figure(rows: Sequence[PredictionRow]) -> Any:

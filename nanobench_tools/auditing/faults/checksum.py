@@ -6,20 +6,12 @@ Size: none. Smallest found: any wrong byte but with a chance of 2e-10.
 
 from __future__ import annotations
 
-from ...flight import Fault, Flight
-from ...signals.context import Context
 from .kind import FaultKind
-from .making import findings
+from .making import found_by_reader
 
 KIND = "checksum"
 
-
-def find(flight: Flight, context: Context) -> list[Fault]:
-    """The reader's findings."""
-    return findings(flight, KIND)
-
-
-FAULT = FaultKind(KIND, find, __doc__,
+FAULT = FaultKind(KIND, found_by_reader(KIND), __doc__,
                   told="the file's checksum does not fit its content",
                   advice="copy the log again from its card",
                   group="lost", cuts=True, whole=True)

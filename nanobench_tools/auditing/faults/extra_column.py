@@ -6,20 +6,12 @@ Size: columns. Smallest found: one column.
 
 from __future__ import annotations
 
-from ...flight import Fault, Flight
-from ...signals.context import Context
 from .kind import FaultKind
-from .making import findings
+from .making import found_by_reader
 
 KIND = "extra_column"
 
-
-def find(flight: Flight, context: Context) -> list[Fault]:
-    """The reader's findings."""
-    return findings(flight, KIND)
-
-
-FAULT = FaultKind(KIND, find, __doc__,
+FAULT = FaultKind(KIND, found_by_reader(KIND), __doc__,
                   told="columns that the format does not have: {columns}",
                   advice="name them in a column map, or leave them",
                   group="information", whole=True, in_diagnosis=False,

@@ -6,19 +6,11 @@ precision before firmware 2026.08. Size: values. Smallest found: one value.
 
 from __future__ import annotations
 
-from ...flight import Fault, Flight
-from ...signals.context import Context
 from .kind import FaultKind
-from .making import findings
+from .making import found_by_reader
 
 KIND = "half_precision"
 
-
-def find(flight: Flight, context: Context) -> list[Fault]:
-    """The reader's findings."""
-    return findings(flight, KIND)
-
-
-FAULT = FaultKind(KIND, find, __doc__,
+FAULT = FaultKind(KIND, found_by_reader(KIND), __doc__,
                   told="{columns} {is} halved in {count} (half precision before firmware 2026.08), and doubled again",
                   advice="none: the values were doubled; log with firmware 2026.08 or later")

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
 
 from ...flight import Fault, Flight
+from ...signals.context import Context
 
 SINCE = ", since "
 """In an evidence: the finding, and what shows it."""
@@ -35,3 +36,8 @@ def findings(flight: Flight, kind: str) -> list[Fault]:
     high = max((float(t.max()) for t in stamps if len(t)), default=math.inf)
     return [replace(fault, start_s=min(max(fault.start_s, low), high), end_s=max(min(fault.end_s, high), low))
             for fault in found]
+
+
+def found_by_reader(kind: str) -> Callable[[Flight, Context], list[Fault]]:
+    """A detector for a kind of fault that only a reader can see: it gives the reader's findings."""
+    return lambda flight, context: findings(flight, kind)

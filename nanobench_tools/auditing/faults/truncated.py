@@ -7,20 +7,12 @@ missing, as far as known. Smallest found: one.
 
 from __future__ import annotations
 
-from ...flight import Fault, Flight
-from ...signals.context import Context
 from .kind import FaultKind
-from .making import findings
+from .making import found_by_reader
 
 KIND = "truncated"
 
-
-def find(flight: Flight, context: Context) -> list[Fault]:
-    """The reader's findings."""
-    return findings(flight, KIND)
-
-
-FAULT = FaultKind(KIND, find, __doc__,
+FAULT = FaultKind(KIND, found_by_reader(KIND), __doc__,
                   told="the file ends early",
                   advice="copy the log again; the existing part is used",
                   group="lost", file_injection="nanobench_tools.practice.inject.files:TRUNCATED")
