@@ -7,6 +7,7 @@ import pytest
 from one_kind import faults_of
 
 from nanobench_tools.auditing.faults import saturated_sensor, spike
+from nanobench_tools.auditing.faults.kinds import kinds
 from nanobench_tools.auditing.recording_audit import audit, find_copies
 from nanobench_tools.practice.inject import INJECTIONS
 from nanobench_tools.signals.context import Context
@@ -39,17 +40,26 @@ def lively(flights):
     )
 
 
+def injected(flights, kind, case):
+    """The lively flight with the fault, and the fault."""
+    function, rng = INJECTIONS[kind].function, np.random.default_rng(7)
+    size = (PLAIN[kind],) if kind in PLAIN else ()
+    return function(lively(flights), rng, *size, **case)
+
+
+@pytest.mark.parametrize("kind", [kind if kind in ("clock_wander", "sign", "gap") else
+                                  pytest.param(kind, marks=pytest.mark.slow) for kind in dict(CASES)])
+def test_an_audit_has_what_the_detectors_find(flights, kind):
+    bad, _ = injected(flights, kind, next(c for k, c in CASES if k == kind))
+    assert list(audit(bad).faults) == faults_of(bad, *kinds())
+
+
 @pytest.mark.parametrize(
     ("kind", "case"), CASES, ids=lambda x: x if isinstance(x, str) else "-".join(map(str, x.values()))
 )
 def test_found(flights, kind, case):
-    """By a whole audit in the first case of a kind, by its detector in the others."""
-    flight = lively(flights)
-    rng = np.random.default_rng(7)
-    function = INJECTIONS[kind].function
-    bad, truth = function(flight, rng, PLAIN[kind], **case) if kind in PLAIN else function(flight, rng, **case)
-    first = next(c for k, c in CASES if k == kind)
-    faults = audit(bad).faults if case is first else faults_of(bad, kind)
+    bad, truth = injected(flights, kind, case)
+    faults = faults_of(bad, kind)
     found = [
         f
         for f in faults

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from one_kind import faults_of
 from scipy.spatial.transform import Rotation
 
 from nanobench_tools.auditing.recording_audit import audit
@@ -23,7 +24,7 @@ def with_body(flight, degrees, axis="z"):
 
 
 def told(flight):
-    return [f for f in audit(flight).faults if f.kind == "body_frame"]
+    return faults_of(flight, "body_frame")
 
 
 @pytest.mark.parametrize("degrees", [25.0, 45.0, -35.0])
@@ -40,7 +41,7 @@ def test_small_turns_circles_and_quarter_turns_are_none(crowd, name, degrees):
     """A quarter turn is ``frame``; a circle fits a delay."""
     flight = with_body(crowd.log(name)[0], degrees)
     assert told(flight) == []
-    assert any(f.kind == "frame" for f in audit(flight).faults) == (degrees == 90.0)
+    assert bool(faults_of(flight, "frame")) == (degrees == 90.0)
 
 
 def test_a_clock_that_the_motion_capture_does_not_show_is_listed(crowd):

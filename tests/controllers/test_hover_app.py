@@ -109,10 +109,10 @@ def flight(library, family, speed_m_s, seconds):
 
 
 def test_c_flies_a_path_as_python_commands(library):
-    twins, error_m = flight(library, "figure_eight", 0.5, 6.0)
-    assert len(twins.wrenches) > 4000
+    twins, error_m = flight(library, "figure_eight", 0.5, 2.5)
+    assert len(twins.wrenches) > 2000
     assert twins.differences().max() < WITHIN
-    assert np.sqrt(np.mean(error_m[600:] ** 2)) < 0.05
+    assert np.sqrt(np.mean(error_m[300:] ** 2)) < 0.05
 
 
 @pytest.mark.slow
@@ -237,8 +237,8 @@ def test_it_flies_the_served_vehicle_as_python_commands(app, tmp_path):
     motors, wrench = MotorOutput(1, 0.001), np.zeros(1, WRENCH)
     python.reset(1)
     loop, found = vehicle.stabilizer.loop, []
-    for packet, seconds in ((struct.pack("<BBff?f", 7, 0, 1.0, 0.0, False, 1.5), 2.5),
-                            (struct.pack("<BB?fffff", 4, 0, False, 0.6, -0.4, 1.2, 0.5, 1.5), 2.5)):
+    for packet, seconds in ((struct.pack("<BBff?f", 7, 0, 1.0, 0.0, False, 1.0), 1.5),
+                            (struct.pack("<BB?fffff", 4, 0, False, 0.3, -0.2, 1.2, 0.5, 1.0), 2.0)):
         onboard.receive(Packet(8, 0, packet))
         for _ in range(round(1000 * seconds)):
             e, s, step = loop["estimate"][0], vehicle.stabilizer.setpoint[0], int(loop["step"][0]) + 1
@@ -263,9 +263,9 @@ def test_it_flies_the_served_vehicle_as_python_commands(app, tmp_path):
                 loop["direct"][0], loop["override"] = np.rint(counts[0]), 1
             onboard.advance(onboard.tick_ms + 1)
     c, own = np.array(found, float).swapaxes(0, 1)
-    assert len(found) > 2000
+    assert len(found) > 1000
     assert (np.abs(c - own) / np.ptp(own, axis=0)).max() < WITHIN
-    assert vehicle.true_pose()[0] == pytest.approx([0.6, -0.4, 1.2], abs=0.05)
+    assert vehicle.true_pose()[0] == pytest.approx([0.3, -0.2, 1.2], abs=0.05)
 
 
 def test_the_estimate_of_its_cost_by_hand(app):

@@ -79,7 +79,7 @@ def test_mpc_flies_every_case_of_mismatch_and_loses_no_vehicle(names, monkeypatc
 def test_mpc_hover_carries_a_weight_that_it_is_not_told_of(monkeypatch):
     names = ("mass +15 %", "thrust +15 %")
     monkeypatch.setattr(off_nominal, "CASES", {name: CASES[name] for name in names})
-    crowd, paths = mismatched(SIMULATOR), Paths(tuple(specs_of(["hover_until_landing"], [1.0], 7.0)))
+    crowd, paths = mismatched(SIMULATOR), Paths(tuple(specs_of(["hover_until_landing"], [1.0], 5.0)))
     controller = made("mpc_hover", MODEL)
     (found,) = score(flown(controller, paths, crowd), paths, len(crowd), controller.period_s)
     assert max(one["rmse_m"] for one in found) < 0.05

@@ -6,7 +6,7 @@ import pytest
 from controllers.geometric import LAG_S, Geometric, slowest_lag_s
 from controllers.mpc.prediction_model import practice_model
 from controllers.plants.ensemble import shipped_draws, shipped_simulator
-from controllers.plants.simulated_flights import fly_controller
+from controllers.plants.simulated_flights import fly_controller, made
 from nanobench_tools.firmware.motor_output import MotorOutput
 from nanobench_tools.firmware.records import WRENCH
 from nanobench_tools.physics.simulator import loads
@@ -21,9 +21,9 @@ def largest_rmse_m(name, path):
     return max(run["rmse_m"] for path in runs.runs for run in path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "path", "most_m"), [
-    ("geometric", "circle", 0.4), pytest.param("geometric", "star", 1.2, marks=pytest.mark.slow),
-    pytest.param("lqr", "circle", 0.4, marks=pytest.mark.slow)])
+    ("geometric", "circle", 0.4), ("geometric", "star", 1.2), ("lqr", "circle", 0.4)])
 def test_it_flies_with_the_lag_of_the_simulator(name, path, most_m):
     """Sharp corners are too much for the linear one, with any motors."""
     assert largest_rmse_m(name, path) < most_m
@@ -36,6 +36,7 @@ def test_without_the_lead_it_loses_the_vehicle(monkeypatch):
 
 
 def test_the_lag_of_the_slowest_motor_counts():
+    assert made("geometric", VEHICLE).lead == slowest_lag_s(VEHICLE) / LAG_S
     assert slowest_lag_s(VEHICLE) == VEHICLE.values_of("motor_lag")["tau_down_s"] > 2.0 * LAG_S
     assert slowest_lag_s(practice_model()) == slowest_lag_s(VEHICLE.without("motor_lag")) == LAG_S
 

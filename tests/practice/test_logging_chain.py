@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from practice_crowd import VEHICLES
 
 from nanobench_tools import so3
 from nanobench_tools.errors import UsageError
 from nanobench_tools.practice.clock import ClockError, draw_clock
-from nanobench_tools.practice.flying import LOGGED, STEP_S, flight_rngs, fly
+from nanobench_tools.practice.flying import LOGGED, STEP_S, flight_rngs
 from nanobench_tools.practice.logging_chain import PERFECT, LoggingChain, received, record, resample
 from nanobench_tools.practice.mocap import body_rate, savgol_derivative
-from nanobench_tools.practice.onboard_crowd import OnboardFleet
-from nanobench_tools.practice.references import path_spec
 from nanobench_tools.practice.timeline import LEAD_S
 from nanobench_tools.sources.discover import load_recordings
 from nanobench_tools.sources.interpolation import carries_no_packet
@@ -88,16 +87,19 @@ def test_published_velocity_and_rate_columns_are_made_so(real_data):
     np.testing.assert_allclose(rate[6:-6], mocap["wx", "wy", "wz"][6:-6], atol=1e-4)
 
 
+FAST = list(VEHICLES).index("fast figure_eight")
+
+
 @pytest.fixture(scope="module")
-def flown():
-    return fly(OnboardFleet(["pid"]), [path_spec("figure_eight", "fast", duration_s=3.0)], seed=2)
+def flown(crowd):
+    return crowd.flown
 
 
 def test_a_perfect_chain_gives_the_truth_back(flown):
-    recorded = record(flown, 0, PERFECT, flight_rngs(2, 0, 9)[6:])
+    recorded = record(flown, FAST, PERFECT, flight_rngs(2, 0, 9)[6:])
     rows = recorded.streams["mocap"].time_s
-    truth = flown.truth["position_m"][:, 0]
-    speed = np.linalg.norm(flown.truth["velocity_m_s"][:, 0], axis=1).max()
+    truth = flown.truth["position_m"][:, FAST]
+    speed = np.linalg.norm(flown.truth["velocity_m_s"][:, FAST], axis=1).max()
     starts = np.arange(LEAD_S, LEAD_S + 0.0101, 0.0001)
     error = [np.abs(np.stack([np.interp(rows + s, flown.time_s, c) for c in truth.T], 1)
                     - recorded.streams["mocap"]["px", "py", "pz"]).max() for s in starts]
@@ -105,22 +107,22 @@ def test_a_perfect_chain_gives_the_truth_back(flown):
     assert min(error) < speed * 1e-4 + 2e-4
     for name, (_, sub) in LOGGED.items():
         sent = flown.time_s + sub * STEP_S
-        expected = resample(sent, flown.messages[name][:, 0], rows + first)
-        scale = np.abs(flown.messages[name][:, 0]).max(axis=0) + 1e-9
+        expected = resample(sent, flown.messages[name][:, FAST], rows + first)
+        scale = np.abs(flown.messages[name][:, FAST]).max(axis=0) + 1e-9
         assert np.quantile(np.abs(recorded.streams[name].values - expected) / scale, 0.99) < 0.02, name
         assert recorded.streams[name].samples == pytest.approx(len(rows), abs=1)
 
 
 def test_late_stamps_move_the_streams_and_not_the_mocap(flown):
     chains = [LoggingChain(loss=(0.0, 0.0), tail_s=(0.0, 0.0), lost_frames=0.0, offset_s=x) for x in (0.0, 0.05)]
-    prompt, late = (record(flown, 0, chain, flight_rngs(2, 0, 9)[6:]).streams for chain in chains)
+    prompt, late = (record(flown, FAST, chain, flight_rngs(2, 0, 9)[6:]).streams for chain in chains)
     np.testing.assert_array_equal(prompt["mocap"].values, late["mocap"].values)
     t, x = prompt["imu"].time_s, prompt["imu"]["gyro_x"]
     np.testing.assert_allclose(late["imu"]["gyro_x"][20:], np.interp(t[20:] - 0.05, t, x), atol=1e-9)
 
 
 def test_the_end_is_a_continued_line_when_asked_for(flown):
-    streams = record(flown, 0, LoggingChain(), flight_rngs(2, 0, 9)[6:]).streams
+    streams = record(flown, FAST, LoggingChain(), flight_rngs(2, 0, 9)[6:]).streams
     imu = streams["imu"]
     bent = np.abs(np.diff(imu.values, 2, axis=0)).max(axis=1) > 1e-9
     assert 0.18 < imu.time_s[-1] - imu.time_s[1:-1][bent][-1] < 0.42

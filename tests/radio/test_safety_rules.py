@@ -14,7 +14,7 @@ from nanobench_tools.errors import UsageError
 from nanobench_tools.radio.fly import flight_plan, setpoint_packets
 from nanobench_tools.radio.fly.mission import Flight
 from nanobench_tools.radio.fly.pilot import OnboardPilot
-from nanobench_tools.radio.fly.safety import HardFence, Limits, LowBattery, Situation
+from nanobench_tools.radio.fly.safety import HardFence, Limits, LowBattery, Situation, first_stop, rules
 from nanobench_tools.radio.fly.safety_handover import place_to_hold
 
 IN_PATH = 106.5
@@ -101,13 +101,13 @@ def late(toy: Toy) -> OnboardPilot:
     ("stale pose", lambda toy: setattr(toy, "blind", True)),
     ("lost link", lambda toy: setattr(toy, "mute", True)),
     slow_case("lost link", lambda toy: setattr(toy, "lost", "radio unplugged")),
-    ("geofence", lambda toy: setattr(toy, "drift_m_s", np.array([2.9, 0.0, 0.0]))),
+    slow_case("geofence", lambda toy: setattr(toy, "drift_m_s", np.array([2.9, 0.0, 0.0]))),
     slow_case("speed", lambda toy: setattr(toy, "drift_m_s", np.array([0.0, 3.4, 0.0]))),
     slow_case("tilt", lambda toy: setattr(toy, "quaternion", so3.from_euler_zyx(0.0, 1.0, 0.0))),
-    ("low battery", lambda toy: toy.values.update({"pm.vbat": 2.7})),
+    slow_case("low battery", lambda toy: toy.values.update({"pm.vbat": 2.7})),
     slow_case("supervisor", lambda toy: toy.values.update({"supervisor.info": 1 << 7})),
-    ("console", lambda toy: setattr(toy, "alarm", "ESTKALMAN: State out of bounds, resetting")),
-    ("slow link", lambda toy: toy.round_trips_s.extend([0.4] * 10)),
+    slow_case("console", lambda toy: setattr(toy, "alarm", "ESTKALMAN: State out of bounds, resetting")),
+    slow_case("slow link", lambda toy: toy.round_trips_s.extend([0.4] * 10)),
     slow_case("slow link", lambda toy: setattr(toy, "log_late_s", 0.3)),
     slow_case("silent log", lambda toy: setattr(toy, "unlogged", True)),
 ])
@@ -124,6 +124,31 @@ def test_a_fault_of_the_vehicle_its_link_or_the_poses_ends_the_flight_on_the_gro
     assert any(text.startswith(f"stop: {rule}") for text in notes.said)
     assert IN_PATH - 100.0 <= outcome.stop.time_s < IN_PATH - 100.0 + 2.1
     assert landed(toy)
+
+
+SEEN = {  # rule -> what of the situation it sees at its limit and beyond
+    "interrupted": ({}, {"interrupted": "Ctrl-C"}), "lost link": ({"silent_s": 0.5}, {"silent_s": 0.51}),
+    "supervisor": ({"supervisor": 1 << 4}, {"supervisor": 1 << 6}), "poses": ({}, {"pose_fault": "the same pose"}),
+    "estimate": ({}, {"estimate_fault": "it turns"}), "stale pose": ({"pose_age_s": 0.3}, {"pose_age_s": np.nan}),
+    "console": ({}, {"alarm": "assert"}), "controller": ({}, {"controller_error": "no number"}),
+    "overrun": ({"call_s": 0.1, "late_ticks": 9}, {"late_ticks": 10}),
+    "braking distance": ({"velocity_m_s": np.array([2.0, 0.0, 0.0])}, {"velocity_m_s": np.array([5.0, 0.0, 0.0])}),
+    "geofence": ({"position_m": np.array([2.0, 0.0, -0.1])}, {"position_m": np.array([0.0, -2.1, 1.0])}),
+    "tilt": ({"tilt_rad": 0.87}, {"tilt_rad": 0.88}),
+    "speed": ({"velocity_m_s": np.array([0.0, 3.0, 0.0])}, {"velocity_m_s": np.array([0.0, 3.1, 0.0])}),
+    "low battery": ({"battery_V": 2.91}, {"battery_V": 2.89}), "sinks": ({"below_m": 0.3}, {"below_m": 0.31}),
+    "silent log": ({"health_age_s": 2.0}, {"health_age_s": 2.1}), "slow link": ({"trip_s": 0.25}, {"trip_s": 0.26}),
+    "astray": ({"astray_m": 0.2}, {"astray_m": 0.21})}
+
+
+@pytest.mark.parametrize("rule", SEEN)
+def test_each_rule_ends_the_flight_beyond_its_limit_and_none_at_it(rule):
+    """For two seconds, as long as any rule with a memory waits."""
+    assert {one.name for one in rules(Limits())} == set(SEEN)
+    for seen, expected in zip(SEEN[rule], (set(), {rule}), strict=True):
+        checks = rules(Limits())
+        stops = [first_stop(checks, Situation(time_s=t, **seen), "path") for t in np.arange(0.0, 2.0, 0.01)]
+        assert {stop.rule for stop in stops if stop is not None} == expected
 
 
 @pytest.mark.slow

@@ -78,6 +78,11 @@ class Plan:
         lasts = (TAKEOFF_S + SETTLE_S, HOVER_S, approach, FADE_S, inner, FADE_S, END_S, LANDING_S)
         return dict(zip(PHASES, np.cumsum(lasts).tolist(), strict=True))
 
+    @cached_property
+    def _begin_and_end_m(self) -> np.ndarray:
+        """(2, 3) of the path."""
+        return self._path(np.array([0.0, self.spec.duration_s]), np.zeros((3, 2)))[0]
+
     def phase(self, time_s: float) -> str:
         """Of a time; the last one after it."""
         return next((name for name, end in self.ends.items() if time_s < end), LANDING)
@@ -87,7 +92,7 @@ class Plan:
         it."""
         t = np.asarray(time_s, float)
         ends = self.ends
-        first, last = self._path(np.array([0.0, self.spec.duration_s]), np.zeros((3, 2)))[0]
+        first, last = self._begin_and_end_m
         begin, approach = ends[HOVER], ends[APPROACH] - ends[HOVER]
         way, *rises = planner(np.clip((t - begin) / approach, 0.0, 1.0))
         step = first - self.hover_m
