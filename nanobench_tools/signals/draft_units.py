@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -10,12 +9,12 @@ import numpy as np
 
 from .. import so3
 from ..settings import count, number
-from ..sources.column_map import PWM_STREAMS, allowed_units
 from ..sources.column_names import meaning, words_of
 from ..sources.tum_layout import NORM_TOLERANCE
-from ..units import GRAVITY_M_S2, PWM_FULL_SCALE, factor
+from ..units import GRAVITY_M_S2, factor
 from . import column_evidence as evidence
 from .draft import QUATERNION, Draft, Key
+from .draft_motors import judge_motors
 from .draft_places import judge_places
 from .quaternion_reading import Samples, reading_of
 
@@ -30,11 +29,11 @@ REST_SHARE = count("audit.draft_units.rest_share")
 GRAVITY_WITHIN = number("audit.draft_units.gravity_within")
 COUNTS_WITHIN = number("audit.draft_units.counts_within")
 OF_ONE_UNIT = number("audit.draft_units.of_one_unit")
+LEAST_FORCE = number("audit.draft_units.least_force")
 LEAST_TILT_DEG = number("audit.draft_units.least_tilt_deg")
-LEAST_COMMAND = number("audit.draft_units.least_command")
-COUNTS_APART = number("audit.draft_units.counts_apart")
 MOST_TURNS = count("audit.draft_units.most_turns")
-FORCE_WORDS = frozenset({"thrust", "thrusts", "force", "forces", "collective"})
+MOST_PITCH_DEG = 95.0
+"""A pitch is within a right angle by its definition; numbers and filters exceed it by little."""
 
 
 def judge_units(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarray) -> None:
@@ -45,7 +44,7 @@ def judge_units(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarr
                 draft.si(keys, values), stream in ("imu", "mocap") and not names[0].startswith("v")):
             draft.ask(keys, "their noise differs: are they all in one unit? write the unit of each")
     _battery(draft, values)
-    _motors(draft, values)
+    judge_motors(draft, values)
     _gravity(draft, values)
     judge_places(draft, values, time_s)
     for stream in ("mocap", "attitude_qw"):
@@ -82,67 +81,6 @@ def _battery(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
         draft.ask([key], f"a median of {middle:.3g}: volts or a percentage? write unit = \"V\", or leave it out")
 
 
-def _motors(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
-    for stream in (*sorted(PWM_STREAMS), "rpm"):
-        keys = [k for k in draft.mapped if k[0] == stream]
-        numbered = sorted(int(k[1][1:]) for k in keys if k[1][1:].isdigit())
-        if numbered and all(draft.mapped[k].status == "assumed" for k in keys):
-            if numbered[0] == 0:
-                moved = {(s, f"m{int(q[1:]) + 1}"): draft.mapped.pop((s, q)) for s, q in keys}
-                draft.mapped.update(moved)
-                draft.notes.append(f"{', '.join(d.column for d in moved.values())}: counted from 0, so they are m1 to "
-                                   f"m{len(moved)}, in the order of the table")
-                keys = list(moved)
-            elif numbered == [1, 2, 3]:
-                draft.ask(keys, "three motors, counted from 0 or from 1? write m1, m2 ... yourself")
-                continue
-        for key in [k for k in keys if k[1] == "m0"]:
-            draft.ask([key], "motors are m1 to m8; which one is it?")
-        keys = draft.open([k for k in keys if k in draft.mapped])
-        if not keys:
-            continue
-        if stream == "rpm":
-            draft.set_unit(keys, "rpm", "the name says so", "known")
-            continue
-        cells = np.stack([values[draft.mapped[k].column] for k in keys], axis=1)
-        tops = np.nanquantile(cells, 0.99, axis=0)
-        if tops.min() > 0.0 and tops.max() > 2.0 * evidence.SAME * tops.min():
-            draft.ask(keys, "they are of different size: are they all in one unit? write the unit of each")
-            continue
-        top, bottom = float(np.nanquantile(cells, 0.99)), float(np.nanmin(cells))
-        if bottom < 0.0:
-            draft.ask(keys, f"between {bottom:.3g} and {top:.4g}: a rotor is commanded no negative thrust; is it a "
-                      "motor's command?")
-        elif top <= 1.2 and (readings := _of_a_command(draft, keys, cells, values)):
-            draft.ask(keys, f"between {bottom:.3g} and {top:.3g}: {readings}")
-        elif top <= 1.2:
-            draft.mapped.update({k: replace(draft.mapped[k], why=f"between {bottom:g} and {top:.3g}") for k in keys})
-        elif bottom >= 900.0 and top <= 2100.0:
-            draft.set_unit(keys, "pulse_us",
-                           f"they lie between {bottom:g} and {top:g}: pulses (1000 us is 0, 2000 us 1)")
-        elif bottom >= 0.0 and LEAST_COMMAND * PWM_FULL_SCALE < top <= PWM_FULL_SCALE:
-            draft.set_unit(keys, "pwm16", f"they reach {top:.4g}")
-        else:
-            choices = ", ".join(allowed_units(*keys[0]))
-            draft.ask(keys, f"between {bottom:g} and {top:.4g}: the unit is unknown; write unit = one of {choices}")
-
-
-def _of_a_command(draft: Draft, keys: list[Key], cells: np.ndarray, values: Mapping[str, np.ndarray]) -> str:
-    """What else commands of (n, k) numbers up to 1 can be, or "": forces in N, where the name does not exclude them."""
-    top = float(np.nanmax(cells))
-    if top in (0.0, 1.0) or np.allclose(cells * PWM_FULL_SCALE, np.round(cells * PWM_FULL_SCALE), 0.0, COUNTS_APART,
-                                        equal_nan=True):
-        return ""
-    path = draft.columns("mocap", ("px", "py", "pz")) or draft.columns("estimator", ("x", "y", "z"))
-    if top < LEAST_COMMAND and path and evidence.spans(draft.si(path, values)).max() > evidence.SMALLEST_FLIGHT_M:
-        return "no share of full command that lifts a vehicle. Forces in N, or counts? write the unit of each"
-    if not all(set(words_of(draft.mapped[k].column)[0]) & FORCE_WORDS
-               or re.fullmatch(r"(?i)u_?\d", draft.mapped[k].column) for k in keys):
-        return ""
-    wholly = 'unit = "N"' if keys[0][0] == "command" else "leave them out, since a map reads no force of a rotor"
-    return f"shares of full command, or forces in N? Both are possible: write unit = \"1\", or {wholly}"
-
-
 def _gravity(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
     """Specific force has gravity's size; a stream without it is no accelerometer."""
     keys = draft.columns("imu", ("acc_x", "acc_y", "acc_z"))
@@ -157,15 +95,15 @@ def _gravity(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
                   "estimate? write [streams.estimator_acc] ax, ay, az")
         return
     factors = {"m/s^2": 1.0, "g": factor("g"), "mg": factor("mg"), "mm/s^2": factor("mm/s^2")}
-    near = np.log(evidence.SAME)
-    fits = [u for u, f in factors.items() if norm > 0.0 and abs(np.log(norm * f / GRAVITY_M_S2)) < near]
+    near = (np.log(LEAST_FORCE), np.log(evidence.SAME))
+    fits = [u for u, f in factors.items() if norm > 0.0 and near[0] < np.log(norm * f / GRAVITY_M_S2) < near[1]]
     if not draft.open(keys):
         if draft.mapped[keys[2]].unit not in fits:
             draft.ask(keys, f"in {draft.mapped[keys[2]].unit} the median of the specific force is not gravity's "
                       f"({norm:.4g}); which unit is it? write unit = one of {', '.join(factors)}")
-    elif fits == ["mg"] and not _at_rest(cells, 1000.0):
-        draft.ask(keys, f"the median is {norm:.4g}: mg, cm/s^2 or counts of the sensor? write unit = \"mg\", or "
-                  "convert it to m/s^2")
+    elif fits in (["mg"], ["mm/s^2"]) and not _at_rest(cells, GRAVITY_M_S2 / factor(fits[0])):
+        draft.ask(keys, f"the median is {norm:.4g}: {fits[0]}, cm/s^2 or counts of the sensor? write unit = "
+                  f"\"{fits[0]}\", or convert it to m/s^2")
     elif fits:
         draft.set_unit(keys, fits[0], f"the median of the specific force is {norm:.4g}, which is gravity")
     else:
@@ -222,7 +160,12 @@ def _angles(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
     top = float(np.nanquantile(np.abs(cells), 0.999))
     tilts = [k for k, key in enumerate(keys) if key[1] != "yaw"]
     tilt = float(np.nanquantile(np.abs(cells[:, tilts]), 0.999)) if tilts else 0.0
-    if tilt > 2.0 * np.pi or top > 2.0 * np.pi * MOST_TURNS:
+    steep = [key for key in still if key[1] == "pitch" and float(np.nanquantile(np.abs(
+        values[draft.mapped[key].column]), 0.99)) > MOST_PITCH_DEG]
+    if steep:
+        draft.ask(still, f"{draft.mapped[steep[0]].column} exceeds a right angle in deg: which unit is it? write the "
+                  "unit of each, or convert them to deg")
+    elif tilt > 2.0 * np.pi or top > 2.0 * np.pi * MOST_TURNS:
         draft.set_unit(still, "deg", f"they reach {top:.3g}")
     elif top > 0.5 * np.pi:
         draft.ask(still, f"they reach {top:.3g}: rad or deg? write unit = \"rad\" or \"deg\" at each")

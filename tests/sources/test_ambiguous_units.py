@@ -1,0 +1,60 @@
+"""Numbers that fit two units, or none: the draft asks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_draft_axes import G, flown
+
+from nanobench_tools.signals.column_draft import draft_columns
+
+ROTORS = ("rotor1", "rotor2", "rotor3", "rotor4")
+
+
+def drafted(folder, names, values):
+    t, p, *_ = flown()
+    path = folder / "flight.csv"
+    np.savetxt(path, np.column_stack([t, p, values]), delimiter=",", header=",".join(["t", "px", "py", "pz", *names]),
+               comments="", fmt="%.10g")
+    return draft_columns(path)
+
+
+def streams(draft):
+    return {stream for stream, _ in draft.mapped}
+
+
+@pytest.mark.parametrize(("speed", "unit"), [(2000.0, ""), (320.0, ""), (20000.0, "rpm"), (20.0, "")])
+def test_rotor_speeds_without_a_unit(tmp_path, speed, unit):
+    """2000 may be rad/s or rpm, 320 rad/s or revolutions per second; 20 000 is rpm."""
+    turning = speed * (1.0 + 0.01 * np.sin(np.outer(flown()[0], np.arange(1.0, 5.0))))
+    draft = drafted(tmp_path, ROTORS, turning)
+    assert draft.mapped.get(("rpm", "m1")) == (("rotor1", unit) if unit else None)
+    assert bool(draft.questions) != bool(unit)
+    assert drafted(tmp_path, ("rpm1", "rpm2", "rpm3", "rpm4"), turning).mapped["rpm", "m1"] == ("rpm1", "rpm")
+
+
+@pytest.mark.parametrize("names", [("acc_x", "acc_y", "acc_z")])
+@pytest.mark.parametrize(("per_m_s2", "unit"), [
+    (1.0, "m/s^2"), (1.0 / 9.81, "g"), (1e3, "mm/s^2"), (16384.0 / 9.81, ""), (0.5, "")],
+    ids=["SI", "g", "mm/s^2", "counts of 1/16384 g", "half"])
+def test_a_specific_force_has_the_size_of_gravity(tmp_path, names, per_m_s2, unit):
+    *_, a, turn, _ = flown()
+    draft = drafted(tmp_path, names, per_m_s2 * turn.inv().apply(a + G))
+    assert draft.mapped.get(("imu", "acc_z")) == (("acc_z", unit) if unit else None)
+
+
+@pytest.mark.parametrize("per_rad", [1e3, 100.0 * np.degrees(1.0)], ids=["mrad", "0.01 deg"])
+def test_a_pitch_beyond_a_right_angle_is_in_another_unit(tmp_path, per_rad):
+    angles = 3.0 * flown()[4].as_euler("ZYX")[:, ::-1]
+    draft = drafted(tmp_path, ("roll", "pitch", "yaw"), per_rad * angles)
+    assert "attitude" not in streams(draft)
+    assert "exceeds a right angle" in draft.questions[0]
+    assert "attitude" in streams(drafted(tmp_path, ("roll", "pitch", "yaw"), np.degrees(angles)))
+
+
+@pytest.mark.parametrize(("low", "high", "unit"), [(10000.0, 16000.0, ""), (10000.0, 40000.0, "pwm16"),
+                                                   (1000.0, 1600.0, "pulse_us")])
+def test_commands_of_10000_to_20000_may_be_pulses(tmp_path, low, high, unit):
+    shares = 0.5 + 0.5 * np.sin(np.outer(flown()[0], np.arange(1.0, 5.0)))
+    draft = drafted(tmp_path, ("m1", "m2", "m3", "m4"), np.round(low + (high - low) * shares))
+    assert draft.mapped.get(("motor", "m1")) == (("m1", unit) if unit else None)
