@@ -4,8 +4,6 @@ A tunable controller has ``tunable`` (name -> ``Gain``) and takes ``gains`` (nam
 gains keep their value. A user's ``module:Class`` may do the same.
 """
 
-from __future__ import annotations
-
 import math
 import tomllib
 from collections.abc import Mapping

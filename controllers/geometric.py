@@ -4,8 +4,6 @@ The equations are the firmware's (``nanobench_tools.firmware.lee``) with the mom
 numbers of the vehicle and gains for its slow motors.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The vehicle's own PID cascade, told every setpoint earlier by the delay it is known to have."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from nanobench_tools.firmware import pid

@@ -7,8 +7,6 @@ Thrust and moments on their way through the motors are not measured but simulate
 attitude and rates that the reference itself needs are fed forward (differential flatness).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -3,8 +3,6 @@
 The equations are in ``nanobench_tools.firmware``, where the practice flights use them too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from nanobench_tools.firmware import mellinger

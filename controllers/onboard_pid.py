@@ -3,8 +3,6 @@
 The equations are in ``nanobench_tools.firmware``, where the practice flights use them too.
 """
 
-from __future__ import annotations
-
 from nanobench_tools.firmware.onboard import PidCascade
 
 

@@ -6,8 +6,6 @@ is later than controllers assume. The best few and the original gains then fly o
 best there is chosen. The reason: the best of many on a few plants partly fits just these.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """The estimator that goes on as it was going: a straight line from the last poses given."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from nanobench_tools.flight import Flight

@@ -4,8 +4,6 @@ A pose is compared with the position of the filter at that time, found by undoin
 change of this comparison with the offset is the velocity (and, for the attitude, the rate) at that time.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import ClassVar
 

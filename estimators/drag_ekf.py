@@ -4,8 +4,6 @@ Additions to ``error_state_ekf``: missing packets correct the timestamps, and th
 bias of the vertical accelerometer drifts as the board warms. Drag has a slow flow of the air as a state.
 """
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 from nanobench_tools.settings import setting

@@ -6,8 +6,6 @@ rotor axis, only drag. Its x and y are therefore -k v (Leishman et al., "Quadrot
 Systems 2014).
 """
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 from nanobench_tools.settings import setting

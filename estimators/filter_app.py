@@ -3,8 +3,6 @@
 The files of ``firmware_filter`` are copied; ``filter_settings.h`` is written from the settings of the method.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

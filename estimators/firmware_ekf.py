@@ -1,7 +1,5 @@
 """The vehicle's Kalman filter, run again on a recording with its poses and IMU alone."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

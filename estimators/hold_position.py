@@ -1,7 +1,5 @@
 """The estimator that knows nothing: the last pose given, for ever."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from nanobench_tools.flight import Flight

@@ -3,8 +3,6 @@
 A row is a small class with ``settings`` (``inertial_core.SETTINGS`` says what there is) and the aids it needs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar

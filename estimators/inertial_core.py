@@ -6,8 +6,6 @@ one scalar at a time in Joseph's form. Everything is in the vehicle's clock: a p
 timestamp t + ``late``. The constant part and wander of ``late`` are states, and the estimate is propagated by it.
 """
 
-from __future__ import annotations
-
 import numba as nb
 import numpy as np
 

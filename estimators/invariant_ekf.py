@@ -6,8 +6,6 @@ and Bonnabel, "The invariant extended Kalman filter as a stable observer" (IEEE 
 the small constant rotation from the IMU to the tracked frame, as in the error-state filter.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import ClassVar
 

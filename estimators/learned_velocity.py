@@ -11,8 +11,6 @@ Weights are in ``learned_velocity.json``, one set for each trajectory type, fitt
 benchmarks/studies/learned_velocity.py``). So a flight is never judged by weights that saw its type.
 """
 
-from __future__ import annotations
-
 import functools
 import json
 from collections.abc import Mapping, Sequence

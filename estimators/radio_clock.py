@@ -7,8 +7,6 @@ several rates, follow it. Causal: a row is known to be drawn when the next one i
 is drawn and nothing is late.
 """
 
-from __future__ import annotations
-
 import numba as nb
 import numpy as np
 

@@ -1,7 +1,5 @@
 """Times at which an estimator without timestamps reports."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from nanobench_tools.errors import InputError

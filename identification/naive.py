@@ -1,7 +1,5 @@
 """The model that knows nothing: the state stands still."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from nanobench_tools.methods import Prediction, Windows

@@ -13,8 +13,6 @@ mapping decides, and the errors are 1.5 times the published ones. ``published_ph
 strong.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from nanobench_tools import so3

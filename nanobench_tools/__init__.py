@@ -10,8 +10,6 @@
     nb.diagnose(flights, "simulator.toml")   # where is my simulator wrong
 """
 
-from __future__ import annotations
-
 import importlib
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The errors a user may see. Each message is one line that names the place and says what to do."""
 
-from __future__ import annotations
-
 import difflib
 import os
 import sys

@@ -6,8 +6,6 @@ Euler angles are ZYX (yaw about z, then pitch about y, then roll about x). In qu
 q_x(roll); a positive pitch is nose down. Motors: 1 front right, 2 back right, 3 back left, 4 front left.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from .units import GRAVITY_M_S2

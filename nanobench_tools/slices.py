@@ -1,7 +1,5 @@
 """Copy values in compiled code. Numba takes seconds to compile ``out[a:b] = values``, for the text of its errors."""
 
-from __future__ import annotations
-
 import numba as nb
 import numpy as np
 

@@ -5,8 +5,6 @@ SciPy's product takes 28 times as long, Euler angles 4 (from them 13), Slerp 3. 
 timestamp.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@
 u = PWM / 65535 in 0..1, rotor speed as rad/s, specific force as m/s^2.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Who imports whom among the packages of the project, imports inside functions and for types included."""
 
-from __future__ import annotations
-
 import ast
 import functools
 from collections import defaultdict

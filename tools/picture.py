@@ -3,8 +3,6 @@
 ``python -m tools.picture RECORDING [OUT.svg]`` needs a Chromium (as the page's tests do) and the extra ``report``.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from pathlib import Path

@@ -4,8 +4,6 @@
 ``tools/prose.toml``. ``--list`` prints every finding with its place and what to write instead.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import re

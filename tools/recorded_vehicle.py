@@ -4,8 +4,6 @@ The vehicle is what ``nanobench sysid`` fits to the training flights of Task 1, 
 flights as recorded and re-timed, which sets nothing. Three files are written beside the plant of Task 2.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 from dataclasses import replace

@@ -5,8 +5,6 @@ of the same thing (times, places, commits) is not looked at. Prints every key th
 difference; exits with 1 if there is one.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import sys

@@ -5,8 +5,6 @@ log of the trefoil stops in the air, and the vehicle's timestamps of the multisi
 recordings have. Values have eight digits, which keeps the interpolated rows on their straight lines.
 """
 
-from __future__ import annotations
-
 import tempfile
 from dataclasses import replace
 from pathlib import Path

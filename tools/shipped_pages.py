@@ -4,8 +4,6 @@ With the result of ``nanobench prove --shipped``, docs/figures/shipped.json is w
 overview come from that file and from the facts of the cases.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from html import escape

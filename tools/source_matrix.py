@@ -4,8 +4,6 @@
 that recordings of the source usually hold (``sources/contents.py``) and what the verb needs (``verb_needs.py``).
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -5,8 +5,6 @@ code, what each cell prints, and a light and a dark picture of each figure that 
 alternative text of the picture. Pictures need a Chromium.
 """
 
-from __future__ import annotations
-
 import ast
 import contextlib
 import io

@@ -8,8 +8,6 @@ reader (``read_speed.py``: csv module and ``float``) says how fast the machine i
 (SYNTHETIC).
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import tempfile

@@ -7,8 +7,6 @@ where a script failed, or where a ratio is below its requirement. Also where it 
 the same kind of machine.
 """
 
-from __future__ import annotations
-
 import argparse
 import subprocess
 import sys

@@ -11,8 +11,6 @@ runs but compiled code, which a first run of two flights pays for. Exit code 1 w
 than 60 s.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

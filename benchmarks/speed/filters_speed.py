@@ -10,8 +10,6 @@ row, with positions as measurements. The median of five runs; compilation is not
 process.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Callable

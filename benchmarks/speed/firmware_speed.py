@@ -7,8 +7,6 @@ compensation of four motors and cap run at 500 Hz. Compilation is not counted. T
 many PID loops as the firmware has, in Python.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 

@@ -9,8 +9,6 @@ comparison uses our compiled rollout, which is our code too. One thread each; co
 of ``sysid`` with random effects of every flight is timed separately. Without recordings, practice flights (SYNTHETIC).
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

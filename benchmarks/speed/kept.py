@@ -3,8 +3,6 @@
 A ratio is how many times as long the peer, or the plain version, takes as we do in the same run: higher is better.
 """
 
-from __future__ import annotations
-
 import csv
 import os
 import platform

@@ -8,8 +8,6 @@ rollouts of 0.5 s on the shipped plant's equations, for each of 12 vehicles.
 Windows are made up (SYNTHETIC) and networks untrained: the time depends on neither.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib.util
 import itertools

@@ -6,8 +6,6 @@ evo gets its fastest way: consecutive pairs 1 m apart, translation only. Ours ta
 start's frame, about ten times as many pairs. Best of several repeats, one thread.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import time

@@ -8,8 +8,6 @@ flies ``step.mapaccum(50).map(n)`` from states that were warmed up already. ``st
 prepared arrays. The Jacobian of a step is by state and parameters together, again compiled and as CasADi's map.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

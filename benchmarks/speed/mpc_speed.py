@@ -7,8 +7,6 @@ thread, which runs only while the thread does. On a machine with other work the 
 of 25 ms. do-mpc (IPOPT) gets the same problem as nmpc: equations, targets, weights, bounds, from the same starts.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib.util
 import os

@@ -10,8 +10,6 @@ guard. It is the firmware's own step, mixer and compensation behind the late est
 NumPy behind the same controller.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

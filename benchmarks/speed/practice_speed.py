@@ -3,8 +3,6 @@
     python benchmarks/speed/practice_speed.py [--flights 200]
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Callable

@@ -7,8 +7,6 @@ or broken files. A second one uses the csv module and ``float``. Cold means an e
 may hold the files in memory for all readers alike.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import io

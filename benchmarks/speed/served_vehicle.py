@@ -9,8 +9,6 @@ the same vehicle and firmware stepped without radio, logs and poses. Ten at once
 sooner) is late if it ran more than 10 ms after its time.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import re

@@ -8,8 +8,6 @@ examples: a state and an ImuFactor for every row of the IMU, Levenberg-Marquardt
 row by row from Python. Both know the IMU exactly as ours do, but no bias walk and no lateness.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 import warnings

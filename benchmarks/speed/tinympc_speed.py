@@ -11,8 +11,6 @@ to the thrusts. ``mpc_daqp`` does more in a command: it linearises along a movin
 to PWM (``mpc_speed.py``).
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -8,8 +8,6 @@ the noise of the acceleration, the least error of any causal estimate and of any
 solves the steady Riccati equation of position and velocity along one axis, three axes alike.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from dataclasses import replace

@@ -8,8 +8,6 @@ flights. An injection is found if kind and an affected stream agree and the time
 -100..100 ms.
 """
 
-from __future__ import annotations
-
 import argparse
 import collections
 import time

@@ -16,8 +16,6 @@ constants of the clocks were set on the NanoBench dataset (``nanobench settings 
 held-out ones.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -17,8 +17,6 @@ thrust map that pysindy identifies is taken for either map. Time is from tracks 
 verdict for both; ours includes predictions of flights left out.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import os

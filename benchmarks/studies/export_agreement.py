@@ -8,8 +8,6 @@ whole model. Mean difference of position, velocity, attitude and rate after 10 a
 Crazyflie on practice flights (SYNTHETIC).
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from tempfile import TemporaryDirectory

@@ -7,8 +7,6 @@ clock. ``--hidden`` hides effects in the vehicle and asks ``nanobench diagnose``
 of that machine, so the load is printed, too.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -15,8 +15,6 @@ constant state on windows of whole recordings, ground included, which shows how 
 of position after 50 steps on the test flights.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

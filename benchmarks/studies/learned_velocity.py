@@ -6,8 +6,6 @@ Clean rows in flight, clock as recorded, motion capture as truth. Reports for ea
 weights that did not see it, and by the accelerometer alone. With --write the weights go into the package.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Sequence

@@ -9,8 +9,6 @@ also run with every pose that was sent in a gap of the radio arriving at its end
 the log alone (``signals.radio_gaps``). No number is fitted, but the cause was found by looking at these flights.
 """
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 from collections.abc import Sequence

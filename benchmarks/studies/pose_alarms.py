@@ -3,8 +3,6 @@
 Gate and physics see the poses and the IMU of every recording as they would see them live, 100 times a second.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -13,8 +13,6 @@ Rows:
 Without recordings, practice flights (SYNTHETIC).
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -12,8 +12,6 @@ Omega) since the start would be -J_r / J_z > 0. Test flights are not looked at. 
 (SYNTHETIC).
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace

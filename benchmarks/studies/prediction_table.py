@@ -1,7 +1,5 @@
 """What studies of Task 1 share: their options, the recordings split as ``nanobench sysid`` splits them, and a row."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Mapping
 from pathlib import Path

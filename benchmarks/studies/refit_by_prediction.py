@@ -9,8 +9,6 @@ predict these. Printed by case: the errors at h = 50 before, after and refitted,
 value. At the end the median ratio of errors and of parameter errors, by those that push and those that turn.
 """
 
-from __future__ import annotations
-
 import argparse
 
 import numpy as np

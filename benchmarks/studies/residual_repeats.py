@@ -8,8 +8,6 @@ correlation, their size, and the part that is not common to both, which is chanc
 same for the accelerometer less k_f times its square. This does not use thrust map, motion capture or clock.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

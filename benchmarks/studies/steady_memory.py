@@ -9,8 +9,6 @@ simulate --serve`` serves, its loop included. Growth is the median of the last q
 second. Memory taken once at the beginning thus does not count.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

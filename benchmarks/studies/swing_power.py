@@ -6,8 +6,6 @@ Flights of --data with a swing of growing size added to their sideways velocity 
 First the size that a verdict would state, from the flights as they are, at this frequency and over the band.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from dataclasses import replace

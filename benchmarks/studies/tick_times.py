@@ -1,7 +1,5 @@
 """Where the time of a flight's ticks goes, and what a tick that missed its deadline waited for (Linux)."""
 
-from __future__ import annotations
-
 import resource
 import threading
 import time

@@ -9,8 +9,6 @@ obeys these, knows the whole path, and tips and changes thrust at once: it has t
 quadratic program per axis, and no controller can have less. The flown RMSE is next to it.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 from pathlib import Path

@@ -7,8 +7,6 @@ flights of one day. The sizes of the changes are drawn; the changes are physics 
 causes.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections import Counter
 from pathlib import Path

@@ -7,8 +7,6 @@ of a flight. The median (times 1.4826) leaves out the few steps at which the veh
 the root mean square holds them. Judged folders of a proof take no part in it.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

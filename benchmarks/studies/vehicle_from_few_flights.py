@@ -7,8 +7,6 @@ the fitted vehicle needs over the logged PWM, in hover windows of the flights it
 whether a plain controller holds it, inertia about x, drag along y, and the number of parameters that are priors.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator, Sequence
 from pathlib import Path

@@ -10,8 +10,6 @@ Columns: value in the file, value of the flights alone, share of the prior, trut
 reached. A row with 100 % prior tests the prior alone: its sources and these truths overlap.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """What plans of MPPI cost on the identified model: its compiled equations, stepped for thousands of plans at once."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

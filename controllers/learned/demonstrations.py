@@ -6,8 +6,6 @@ those of the Mellinger controller. One of them is the flight that the published 
 learn from PID flights alone.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

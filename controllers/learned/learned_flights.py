@@ -1,7 +1,5 @@
 """Learned controllers on an ensemble of plants, as items of the runner; and policies corrected by their teacher."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -4,8 +4,6 @@ Source: G. Williams et al., "Information theoretic MPC for model-based reinforce
 2. Commands are limited to 0..1 before they are rolled out, the plan is shifted by one step, its last step repeated.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

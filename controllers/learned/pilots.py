@@ -4,8 +4,6 @@ Networks run in JAX; ``physics`` compiles rollouts of identified physics. The sa
 times longer on a processor.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

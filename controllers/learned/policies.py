@@ -9,8 +9,6 @@ Published ("NanoBench", arXiv 2603.09908, and its released code):
   commands.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -6,8 +6,6 @@ that is more than LOST_M from the logged one ends there. Scores are over the row
 position, not against the setpoint as those of real flights are. A row counts as diverged beyond 0.5 m.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -4,8 +4,6 @@ The shared object is cached under the hash of its source and of the compiler's o
 own machine evaluates the same function, a few times slower.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import os

@@ -7,8 +7,6 @@ The result is 1/2 z' H z + g' z in z = du / UNIT_N (Jerez, Kerrigan, Constantini
 doi:10.1016/j.automatica.2012.03.010, eliminated form).
 """
 
-from __future__ import annotations
-
 import numba as nb
 import numpy as np
 

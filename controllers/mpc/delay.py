@@ -1,7 +1,5 @@
 """Commands under way: those that have not reached the motors yet."""
 
-from __future__ import annotations
-
 import numpy as np
 
 

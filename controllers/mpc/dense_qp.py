@@ -1,7 +1,5 @@
 """The dense quadratic programs of predictive control, by DAQP or by OSQP: one call, an answer or none."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol

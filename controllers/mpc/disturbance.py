@@ -6,8 +6,6 @@ ages: each is compared with the prediction for its own time. A correction is als
 error is counted twice.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

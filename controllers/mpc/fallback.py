@@ -3,8 +3,6 @@
 Per vehicle; every step that is not flown on a fresh plan is counted by what replaced it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from nanobench_tools.firmware.motor_output import MotorOutput

@@ -1,7 +1,5 @@
 """The reference over a controller's horizon: its known future, or an extrapolation of the present."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ The files of ``firmware_app`` are copied; ``vehicle_parameters.h`` and ``hover_p
 README with an estimate of its cost.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

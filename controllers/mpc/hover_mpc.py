@@ -7,8 +7,6 @@ the battery allows over the horizon. Bemporad, Morari, Dua, Pistikopoulos 2002 (
 ``nanobench convert --to firmware-app`` writes the same controller as C.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

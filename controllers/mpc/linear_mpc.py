@@ -4,8 +4,6 @@
 solves the same program by operator splitting; ``mpc_osqp`` leaves the states in and solves the sparse program.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

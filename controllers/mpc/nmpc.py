@@ -5,8 +5,6 @@ that flight (Gauss-Newton), and the condensed program gives its change. Diehl, B
 doi:10.1137/S0363012902400713; started from the prediction, the iteration's stages have no defects.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numba as nb

@@ -6,8 +6,6 @@ angular acceleration rad/s^2 (body) that the terms do not explain. Errors of a s
 q) for the attitude, which is the rotation vector to third order. The first 12 are the rigid body's.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from importlib import resources
 from typing import Any

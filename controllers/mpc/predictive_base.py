@@ -8,8 +8,6 @@ Steps of a command; the variants differ in the plan alone:
 - PWM within the battery's limits.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace

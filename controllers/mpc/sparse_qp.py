@@ -4,8 +4,6 @@ Unknowns: errors of the states 1..N and changes of the inputs 0..N-1, each in un
 each stage may exceed the tilt limit (``tilt_bounds``).
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The thrust map of a model both ways: what a motor can give at the battery's voltage, and the PWM that gives it."""
 
-from __future__ import annotations
-
 import numba as nb
 import numpy as np
 

@@ -1,7 +1,5 @@
 """What predictive control decided: thrusts over a horizon, and what they say later."""
 
-from __future__ import annotations
-
 import numba as nb
 import numpy as np
 

@@ -6,8 +6,6 @@ outside the circle gets the tangent half-plane at the side on which it left. Thi
 times. The half-planes are soft: a vehicle that is tipped too far already has no answer within them.
 """
 
-from __future__ import annotations
-
 import numba as nb
 import numpy as np
 

@@ -1,7 +1,5 @@
 """A flight of the plant: a controller flies n vehicles along references, and what happened is kept every 10 ms."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import dataclass

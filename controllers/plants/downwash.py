@@ -9,8 +9,6 @@ On the axis, a vehicle of 34 g is pushed by 13 g at 0.2 m and 6 g at 0.5 m. Othe
 of Neural-Swarm (Shi et al., ICRA 2020), for such a vehicle.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

@@ -6,8 +6,6 @@ had gathered on the ground. Its own code, fed with the log until then, computes 
 build of the firmware their own log shows. Nothing else of the recording is used.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

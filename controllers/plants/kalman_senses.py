@@ -4,8 +4,6 @@ The filter has no drag and attributes the force of the air to a tilt, so its att
 This follows from its equations (``nanobench_tools.firmware.kalman``); there is no fit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numba as nb

@@ -4,8 +4,6 @@ Everything else is that of the median plant. A controller that is not on board s
 believes to be BELIEVED_RADIO_S late.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

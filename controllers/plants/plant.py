@@ -5,8 +5,6 @@ adds what closes a loop: delayed commands, a battery that sags, legs on the grou
 vehicle believes of its state is in ``senses``, a flight in ``closed_loop``.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

@@ -3,8 +3,6 @@
 Recordings of the data set are silent for 0 to 11 % of the time. The gaps last 20 to 110 ms (``signals.radio_gaps``).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from typing import Any

@@ -5,8 +5,6 @@ one; ``kalman_senses.Onboard`` runs the firmware's Kalman filter on simulated IM
 from its own equations.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

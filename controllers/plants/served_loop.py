@@ -3,8 +3,6 @@
 The model's step is the machine code that ``controllers.plants.plant`` runs, called by its address.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """A vehicle of an identified model with the firmware on board, as the simulated Crazyflie is served with it."""
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Sequence
 from importlib import resources

@@ -6,8 +6,6 @@ same plants, air and noise for every controller. Controllers that accept a vehic
 single plants. They accept ``model``, or ``vehicle``, ``thrust_scale`` and ``lag_s``.
 """
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace

@@ -7,8 +7,6 @@ quantities, learned while poses come. The states go on after the last pose to th
 therefore also uses the IMU, motors and battery of the time after it (never a later pose).
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Iterable
 

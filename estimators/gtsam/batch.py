@@ -5,8 +5,6 @@ delay of the IMU's timestamps are unknowns. Poses between two states count at th
 uses all of the IMU and every pose that was given, whenever they came. One that did not converge is no result.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 

@@ -5,8 +5,6 @@ back, cov_i = R^-1 (I + S cov_(i+1) S^T) R^-T. Source: Kaess and Dellaert, "Cova
 information matrix", RAS 2009, for a chain.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -6,8 +6,6 @@ at once in NumPy and passed as Jacobian factors. A Python function per factor an
 solution. Gauss-Newton with halved steps; convergence is reported.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import pairwise

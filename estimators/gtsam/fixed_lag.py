@@ -5,8 +5,6 @@ preintegrated IMU (CombinedImuFactor); poses and drag are linear factors at the 
 propagated by the IMU. A row's value uses no later part of the recording.
 """
 
-from __future__ import annotations
-
 import time
 from bisect import bisect_left, bisect_right
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """How sure the fixed-lag smoother is at a row: the covariance of its newest state, carried over the IMU to the row."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

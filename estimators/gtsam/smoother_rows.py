@@ -1,7 +1,5 @@
 """Input of a smoother from a flight: IMU rows, poses at the times they were measured, and the times of its states."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The ablation as items of the runner: fits that are found again, and predictors made from what they gave."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, cast

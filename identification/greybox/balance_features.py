@@ -7,8 +7,6 @@ just before, because a controller or pilot answered it with them. Only inputs up
 used.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from nanobench_tools import so3

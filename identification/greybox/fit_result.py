@@ -1,7 +1,5 @@
 """What a fit found, for a person and for a file."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """Windows of flights as a fit needs them: starts, inputs, and what came."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar

@@ -1,7 +1,5 @@
 """A fitted model as a predictor of Task 1."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, cast

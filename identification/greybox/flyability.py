@@ -1,7 +1,5 @@
 """Does the fitted model fly? It hovers at the PWM that was logged, and a plain controller holds it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The models of the ablation: one effect more on every rung."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any

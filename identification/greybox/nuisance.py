@@ -1,8 +1,6 @@
 """Differences between flights of one vehicle, as directions through the parameters: a battery further left, a weaker
 propeller, a misaligned tracker. Also the rate and the rotors at the start, which are known only roughly."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from nanobench_tools.physics import Vehicle

@@ -5,8 +5,6 @@ and the nuisances that explain them best, show how this vehicle differs at prese
 posteriori estimate, to first order, over the last 0.2 to 2 s. Nothing later than the start is looked at.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import cast
 

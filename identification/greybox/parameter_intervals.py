@@ -5,8 +5,6 @@ All results but the profiles use the normal equations of every flight at the opt
 therefore costs as much as one iteration. Nuisances of the flights are eliminated from them first.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -6,8 +6,6 @@ of their command, thrust rises with voltage, lateral air tips the nose up, and r
 of a vehicle of this mass and size.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from nanobench_tools.physics import Model

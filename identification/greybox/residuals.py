@@ -1,7 +1,5 @@
 """What a fit makes small: the errors of Task 1 at some horizons, each measured in its own usual size."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from nanobench_tools.physics.model import POSITION, QUATERNION, RATE, VELOCITY

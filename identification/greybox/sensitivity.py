@@ -5,8 +5,6 @@ any directions, so a model is compiled once for any number of free parameters. R
 before a window, and the derivatives with them.
 """
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

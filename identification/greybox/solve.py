@@ -6,8 +6,6 @@ ones; a test flight gets none. SciPy's ``least_squares``, with the same derivati
 takes 1.3 times as long. It ends .4 % above this cost. It does not eliminate the flights' effects.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 

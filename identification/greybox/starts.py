@@ -4,8 +4,6 @@ A gyro row is one noisy reading, and the rotors at the start are known only as w
 are ``start.rate_x`` and so on; rotors are moved from where the inputs before the window have left them.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from nanobench_tools.physics.model import RATE, ROTOR, STATE

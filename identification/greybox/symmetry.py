@@ -8,8 +8,6 @@ Halving what has to be learnt, and leaving out what the symmetry forbids, matter
 it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 

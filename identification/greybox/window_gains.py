@@ -5,8 +5,6 @@ the rollout are exact), with the same robust cost as the fit. Roll and pitch sha
 they are held back follows from training flights left out in turn. A test flight gives features, never gains.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

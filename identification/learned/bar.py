@@ -1,7 +1,5 @@
 """Progress of trainings on stderr, of one or of several side by side: epoch, loss, validation loss, time left."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence

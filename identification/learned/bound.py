@@ -6,8 +6,6 @@ inputs. So equations of state and inputs could remove the same error. The rest i
 these flights. The bound is one-sided: equations that generalise better can do more.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Checkpoints: tensors and a JSON header in one safetensors file, written whole or not at all, never unpickled."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping

@@ -5,8 +5,6 @@ kinematics (errors of attitude in body axes, first order: J. Sola, "Quaternion k
 filter", 2017). A network that says nothing leaves the physics as it is.
 """
 
-from __future__ import annotations
-
 import functools
 from types import SimpleNamespace
 from typing import Any

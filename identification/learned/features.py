@@ -5,8 +5,6 @@ A quadrotor looks the same after a quarter turn about z and in a mirror, if its 
 moment), or a scalar. Training can thus show every window in all eight positions.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What ``nanobench sysid --learned all`` trains: predictors for the same windows as all rows."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pictures of learned rows: error against horizon, learning curves, predicted paths of a held-out flight, commands."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

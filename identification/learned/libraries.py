@@ -1,7 +1,5 @@
 """JAX and its dependents, loaded once and only when something is trained or predicted."""
 
-from __future__ import annotations
-
 import functools
 import os
 import sys

@@ -10,8 +10,6 @@ rotation vector, angular rate), four motor commands.
 Battery voltage as a fifth input is ours.
 """
 
-from __future__ import annotations
-
 import functools
 from types import SimpleNamespace
 from typing import Any

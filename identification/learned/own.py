@@ -7,8 +7,6 @@ each quantity, 0 to 1, reached at once or over a few steps. With this share, no 
 10 or 50 steps or summed, is above the physics'.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The published rows of Task 1 trained, and as predictors: ``residual_mlp``, ``physics_residual``, ``lstm``."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Rows of flights as the networks learn from them: states and inputs every 10 ms, and where windows may start."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ In free flight m a_z = k_f sum w_i^2: only k_f / m is seen, and k_f itself follo
 Both sides are low-passed by averaging over a tenth of a second, which leaves delays of a few milliseconds no say.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -8,8 +8,6 @@ with a wrong speed can do. The delay holds what is pure waiting: of the command,
 revolution and more).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace

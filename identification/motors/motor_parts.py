@@ -1,7 +1,5 @@
 """What motors.json holds: one part per question."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field

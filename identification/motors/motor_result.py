@@ -1,7 +1,5 @@
 """The content of motors.json from a study."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

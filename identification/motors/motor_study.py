@@ -1,7 +1,5 @@
 """Everything found on one set of logs: which lag, which map, k_f, moments, and what each input is worth."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace

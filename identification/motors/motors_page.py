@@ -1,7 +1,5 @@
 """motors.html: what ``nanobench motors`` found, on one page that asks the network for nothing."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -3,8 +3,6 @@
 Rows of ten milliseconds are whole numbers of rows of the fast log, so that every input predicts the same instants.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

@@ -5,8 +5,6 @@ timestamps only scatter around it. Everything else is interpolated at the timest
 rows count: all rotors spin and the vehicle moves. The log need not contain the time on the ground.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 

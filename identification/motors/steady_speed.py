@@ -5,8 +5,6 @@ For a motor, speed is in proportion to its voltage E. The command is lagged as f
 are averaged over a quarter of a second. Chosen by whole flights that are held out in turn.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

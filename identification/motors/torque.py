@@ -6,8 +6,6 @@ to a rotor that speeds up, J_r dw/dt. Both sides are band-passed alike, because 
 no information on these ratios. The gyro is shifted by the lag at which they fit best.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ curve describes only changes within a flight. Nonlinear least squares over shape
 plain fit on.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The choice among candidate maps, by files of the training set that were held out in turn."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Battery and motor parameters from a thrust-stand series in which current or speed were measured."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.stats
 

@@ -1,7 +1,5 @@
 """What the tables and pictures of a thrust result hold: errors of maps on files, and the chosen map drawn."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 

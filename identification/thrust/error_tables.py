@@ -1,7 +1,5 @@
 """Rows of the result: errors of every model on training and held-out files, and of single files."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

@@ -4,8 +4,6 @@ Source: crazyflie-firmware 2025.12.1, ``platform_defaults_cf2.h`` (coefficients,
 (``motorsCompensateBatteryVoltage``: the inverse of the cubic after Cardano).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -12,8 +12,6 @@ the weight on average. The thrust that the map gives to these inputs therefore s
 battery and air. Only inputs of the past are used, no accelerometer (``balanced.py``).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

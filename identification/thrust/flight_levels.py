@@ -6,8 +6,6 @@ air, and what comes later is predicted. ``true level``: the mean error itself is
 would be left if levels were known.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

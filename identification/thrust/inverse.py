@@ -1,7 +1,5 @@
 """From a thrust back to the PWM at a battery voltage, with the limit that the battery sets."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

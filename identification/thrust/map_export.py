@@ -1,7 +1,5 @@
 """A fitted map taken elsewhere: terms of a simulator.toml, a CasADi function for an MPC, constants of the firmware."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

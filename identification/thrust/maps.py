@@ -10,8 +10,6 @@ resistance, through which the current flows in bursts. Torque balance K_t I = k_
 k_f w^2 = kappa E^2. Hence E + rho E^2 = u (V + s) + e_0 with e_0 = -d.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace

@@ -6,8 +6,6 @@ the spread of refits to drawn training flights. It covers a test flight whose mo
 training flight.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

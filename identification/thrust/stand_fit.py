@@ -5,8 +5,6 @@ two shape parameters are searched from several starts. A fit is never chosen if 
 or gives a map that cannot be a motor. ``trouble`` has the reason.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """A thrust map as a formula with its numbers and units, and what it gives at hover and at full command."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """thrust.html: the maps of ``nanobench thrust`` on one page that asks the network for nothing."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """From recordings to rows: stand series and flights apart, and what was left out with its reason."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

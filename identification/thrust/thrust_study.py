@@ -4,8 +4,6 @@ and files.
 The same for stand series (thrust per motor, N) and flights (specific force along body z, m/s^2).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

@@ -4,8 +4,6 @@ Rows of 10 ms in closed loop cannot show a lag. Rotor speed at the rate of the l
 vehicle. The inertia then needs no assumed lag (``identification.motors``).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

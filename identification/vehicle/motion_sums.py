@@ -14,8 +14,6 @@ T_i: the thrust curve of PWM times battery voltage, behind the motors' lag; mean
 the first. A flight without an accelerometer gives its force by the motion capture.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

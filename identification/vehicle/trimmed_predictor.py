@@ -7,8 +7,6 @@ The balance is a mean over these rows with the weight exp(-age / MEMORY_S). e ha
 over the window. No parameter of the vehicle changes, and its file has none of this.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import cast
 

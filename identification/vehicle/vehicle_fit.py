@@ -6,8 +6,6 @@ flights comes from drawing sessions and flights within them, and from the system
 Measured rotor speed shows lag and inertia, where flights have it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """``nb.simulate``: practice flights, SYNTHETIC, through the whole logging chain."""
 
-from __future__ import annotations
-
 from ..methods import Controller
 from .loading import Flights
 from .quiet_options import speaks_python

@@ -1,8 +1,6 @@
 """What the Python functions hand to the steps that the verbs are made of: options, nothing printed. And what comes back
 as words of the command line, in Python's."""
 
-from __future__ import annotations
-
 import functools
 import re
 from collections.abc import Callable, Iterable

@@ -1,7 +1,5 @@
 """``nb.report``: one page of flights and of the results in a folder."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``nb.sample``: the three SYNTHETIC flights that come with the package."""
 
-from __future__ import annotations
-
 from .loading import Flights
 from .quiet_options import speaks_python
 

@@ -1,7 +1,5 @@
 """One verdict on one recording: how much of the flight is usable, how bad it is, what is wrong in words, what to do."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Literal
 

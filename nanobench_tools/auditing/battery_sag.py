@@ -3,8 +3,6 @@
 The resistance follows from changes of voltage and current within seconds, without the slow discharge.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

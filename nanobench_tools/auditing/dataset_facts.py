@@ -1,7 +1,5 @@
 """A row of a table of data sets: rates, sensors, flights per trajectory, speeds, voltage and clock of recordings."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ repetitions.
 An end of the log on the ground is one fault per stream and one event. So is a clock that moves under all of them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

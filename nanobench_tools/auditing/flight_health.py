@@ -1,7 +1,5 @@
 """Vibration, clipping and battery of one flight, as log analysts look at them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

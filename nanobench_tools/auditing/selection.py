@@ -1,7 +1,5 @@
 """Which recordings count: copies and pieces of others are found by content, so that no flight is counted twice."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

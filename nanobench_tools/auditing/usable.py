@@ -1,7 +1,5 @@
 """Which recordings a task can use, with their unusable rows taken out, and why the others are left out."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 

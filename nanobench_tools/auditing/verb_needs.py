@@ -1,7 +1,5 @@
 """What each verb needs of a recording: streams and quantities it cannot do without, in one place."""
 
-from __future__ import annotations
-
 from ..flight import Flight, intersect_spans
 from .recording_audit import Audit
 from .usable import MOCAP, MOTORS, POSE, SHORTEST_S, Needed, flown, missing

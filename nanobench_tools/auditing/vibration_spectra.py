@@ -5,8 +5,6 @@ vehicle lie below ``LOW_HZ``. A rotor that turns faster than half the sampling r
 is stated.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """How a verb ends: its result in a line or two, and the next command, which works when it is pasted."""
 
-from __future__ import annotations
-
 import shlex
 import sys
 from collections.abc import Sequence

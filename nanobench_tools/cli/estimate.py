@@ -1,7 +1,5 @@
 """``nanobench estimate``: scores of state estimators (Task 3)."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """``nanobench VERB --help``: one screen with the purpose, an example and the common options; with --verbose all."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """``nanobench VERB --list``: the names a verb takes, those of other packages too, each with a sentence."""
 
-from __future__ import annotations
-
 import inspect
 import re
 import sys

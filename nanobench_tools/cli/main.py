@@ -3,8 +3,6 @@
 Exit codes: 0 done; 1 done, but items failed (listed); 2 bad usage or input; 130 interrupted, resumable.
 """
 
-from __future__ import annotations
-
 import difflib
 import importlib
 import os

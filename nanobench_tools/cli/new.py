@@ -1,7 +1,5 @@
 """``nanobench new``: a method of one's own to begin with, with its test."""
 
-from __future__ import annotations
-
 import importlib.util
 import keyword
 import re

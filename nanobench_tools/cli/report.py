@@ -1,7 +1,5 @@
 """``nanobench report``: the page again, from the result files of a folder."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import click

@@ -1,7 +1,5 @@
 """``nanobench run``: the main job, by the same functions as the verbs."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

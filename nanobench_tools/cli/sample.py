@@ -1,7 +1,5 @@
 """``nanobench sample``: the three SYNTHETIC flights of the package, as files."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Command-line options that verbs share."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Callable

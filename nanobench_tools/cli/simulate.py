@@ -1,7 +1,5 @@
 """``nanobench simulate``: practice flights in the NanoBench format, labelled SYNTHETIC."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import click

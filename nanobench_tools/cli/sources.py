@@ -1,7 +1,5 @@
 """``nanobench sources``: the formats that are read, and what each is good for."""
 
-from __future__ import annotations
-
 import inspect
 import tomllib
 from importlib import resources

@@ -1,7 +1,5 @@
 """``nanobench stop``: the emergency stop of a vehicle, from another terminal."""
 
-from __future__ import annotations
-
 import click
 
 from ..errors import InputError

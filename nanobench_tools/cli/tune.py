@@ -1,7 +1,5 @@
 """``nanobench tune``: gains of a controller, searched on some plants and paths and judged on others."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

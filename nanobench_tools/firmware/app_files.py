@@ -1,7 +1,5 @@
 """Folders of C for the vehicle: files that are copied, headers that are written, and what code costs there."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources

@@ -1,7 +1,5 @@
 """Body rates that a path asks for (pptraj.c, piecewise polynomial evaluation): the thrust has to turn with the jerk."""
 
-from __future__ import annotations
-
 import numba as nb
 import numpy as np
 

@@ -1,7 +1,5 @@
 """Small float32 functions that several controllers of the firmware share (num.c, math3d.h). Compiled, one vehicle."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

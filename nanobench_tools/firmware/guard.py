@@ -6,8 +6,6 @@ non-finite reference is replaced by the last good one at rest, or by the place o
 within 0..1. All replacements are counted.
 """
 
-from __future__ import annotations
-
 import math
 
 import numba as nb

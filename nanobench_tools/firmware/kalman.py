@@ -10,8 +10,6 @@ multiplies velocities by it without a mass. Its unit is therefore 1/s. With b = 
 2025.12.1 to the last digit.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

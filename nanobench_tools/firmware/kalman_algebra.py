@@ -1,7 +1,5 @@
 """Covariances, small turns and the tabled sine of the firmware's Kalman filter (kalman_core.c, CMSIS-DSP), float32."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -6,8 +6,6 @@ queue's limit of 20 measurements is not copied. NaN is refused before it comes i
 never recovers from a pose with NaN.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -4,8 +4,6 @@ Numba keeps machine code by the time stamp of one file, and does not see that a 
 changed. Here the hash of all sources is part of the key.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable
 from pathlib import Path

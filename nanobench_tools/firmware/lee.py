@@ -4,8 +4,6 @@ Runs at 500 Hz: thrust [N] and torque [N m] in true body axes. Against the paper
 the turning wanted needs, -J (w x R^T Rd wd) + J R^T Rd dwd/dt; ``coupling`` 1 puts its first part back in.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -4,8 +4,6 @@ Runs at 500 Hz. Uses velocity, acceleration, yaw and rates of an absolute setpoi
 forces and counts for a vehicle of 0.029 kg; nothing limits the thrust here, the motors' cap does.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

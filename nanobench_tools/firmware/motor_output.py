@@ -5,8 +5,6 @@ Motors 1..4 are front right, back right, back left, front left. Compiled, one ve
 firmware's rounding can be seen in the counts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The firmware's controllers behind the Controller Protocol: SI states and references in, motor PWM ratios out."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ runs at 1 kHz. Derivatives act on the measurement, integrals are clamped and not
 Velocities and accelerations of an absolute setpoint are not used, thrust is not compensated for tilt.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -4,8 +4,6 @@ Angles are degrees with the firmware's legacy pitch (nose up positive). Rates ar
 quaternions x, y, z, w body to world. Commands are counts of 65535.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ Every logged value is held from its row to the next on a 100 Hz grid. While the 
 firmware's null setpoint, which holds all integrators at zero.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

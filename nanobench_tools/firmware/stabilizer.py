@@ -4,8 +4,6 @@ Order within a loop: new IMU sample, the state that the Kalman task left in the 
 the task runs. Set-points and what the supervisor allows come from outside and are held between calls.
 """
 
-from __future__ import annotations
-
 import math
 
 import numba as nb

@@ -3,8 +3,6 @@
 Source: crazyflie-firmware 2025.12.1, motors.c and platform_defaults_cf2.h, set "2.1+ propellers" (the default).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 COEFFICIENTS = (-0.02476537915958403, 0.06523793527519485, -0.026792504967750107, 0.006776789303971145)

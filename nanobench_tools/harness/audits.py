@@ -1,7 +1,5 @@
 """The audit of many flights through the runner."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

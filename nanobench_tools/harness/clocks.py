@@ -1,7 +1,5 @@
 """Many flights on another clock, through the runner: found once per content, then from the store."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -3,8 +3,6 @@
 Workers need the same packages and see the input files under the same paths.
 """
 
-from __future__ import annotations
-
 import gc
 import logging
 import socket

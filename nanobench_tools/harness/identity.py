@@ -4,8 +4,6 @@ A key covers the function, its arguments, the content of the inputs and the meth
 It also covers the source of this package and the versions of the numerical libraries.
 """
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import functools

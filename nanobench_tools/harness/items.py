@@ -1,7 +1,5 @@
 """One piece of work, and doing it once: what every way of running shares."""
 
-from __future__ import annotations
-
 import os
 import traceback
 from collections.abc import Callable, Generator, Mapping, Sequence

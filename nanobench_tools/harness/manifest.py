@@ -1,7 +1,5 @@
 """What a result was made from and with: enough to make it again, nothing that belongs to one machine's folders."""
 
-from __future__ import annotations
-
 import platform
 import sys
 import time

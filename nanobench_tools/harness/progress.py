@@ -1,7 +1,5 @@
 """Progress on stderr: how many of how many, failures, time left. Silent when asked; plain lines into a file."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Iterator

@@ -4,8 +4,6 @@ A finished item is in the store before the next is counted, so a killed run goes
 is reported and does not stop the others.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass

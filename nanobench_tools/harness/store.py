@@ -1,7 +1,5 @@
 """Finished items on disk: one file per item, named by its key, whole or absent."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

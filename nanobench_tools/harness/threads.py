@@ -1,7 +1,5 @@
 """One numerical thread per item: sums then have one order, so that a result does not depend on the cores there are."""
 
-from __future__ import annotations
-
 import scipy.linalg  # noqa: F401  (its own BLAS has to be loaded before it can be limited)
 from threadpoolctl import threadpool_limits
 

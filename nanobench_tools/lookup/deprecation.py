@@ -5,8 +5,6 @@ An option: one line of ``FORMER_OPTIONS``; a name behind an option: of ``FORMER_
 today. The line goes with the release after the one that brought it (``version.py``).
 """
 
-from __future__ import annotations
-
 import importlib
 import warnings
 from collections.abc import Callable, Mapping, Sequence

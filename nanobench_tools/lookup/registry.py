@@ -5,8 +5,6 @@ Groups: ``nanobench.estimators``, ``.controllers``, ``.predictors``, ``.sources`
 ``module:Class`` loads anything importable without registration.
 """
 
-from __future__ import annotations
-
 import functools
 import warnings
 from importlib.metadata import EntryPoint, entry_points

@@ -5,8 +5,6 @@ eqs. 34-43, without scale (then equal to Horn 1987 and Kabsch 1976); Zhang and S
 quantitative trajectory evaluation" (2018), section III, for position and yaw.
 """
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Moving the truth to the estimate (not the other way) keeps the estimate as it wa
 nearest neighbour, so no truth row can be used twice.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 The geodesic angle is the one that does not depend on the choice of axes; Euler errors are what firmware logs.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from .. import so3

@@ -4,8 +4,6 @@ Source: Busetto et al., "Nonlinear System Identification Nano-drone Benchmark" (
 corrections. Windows never cross a flight boundary, and q and -q are the same attitude.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -6,8 +6,6 @@ Hinkley 1997, section 3.8). SciPy lacks this; its BCa serves few independent fli
 sum over sum, so that all share one matrix of draws. ``draws`` and ``weights`` also serve refits to resampled flights.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -4,8 +4,6 @@ A time error dt of a vehicle at speed v looks like a position error v dt along t
 hide the error across the track.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ position_m, setpoint_m (n, 3) m world at the same times throughout. Source of th
 Its faults (steps in the setpoint velocity, mixed angle units) are kept in functions named ``published_``.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.signal import savgol_filter
 from scipy.spatial import cKDTree

@@ -5,8 +5,6 @@ Sources: Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems" (2
 Geiger et al., KITTI (2012) for errors per path length.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

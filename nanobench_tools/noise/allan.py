@@ -3,8 +3,6 @@
 W. J. Riley, "Handbook of Frequency Stability Analysis", NIST SP 1065 (2008), eq. 11, for rates (frequency data).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 

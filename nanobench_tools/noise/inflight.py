@@ -6,8 +6,6 @@ and late timestamps. The same for world-vertical velocity, where half a degree o
 are biases.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """The sensor alone: Allan deviation of what was recorded while the motors stood still."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

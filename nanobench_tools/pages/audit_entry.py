@@ -1,7 +1,5 @@
 """What the page asks of one recording's audit (its entry in audit.json)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 

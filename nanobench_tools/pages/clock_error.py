@@ -4,8 +4,6 @@ An estimate with a timestamp late by d shows where the vehicle was d earlier. At
 track.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Pictures of Task 2: single flights on the plant, error against speed, ranking, solver times."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

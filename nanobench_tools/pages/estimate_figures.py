@@ -1,7 +1,5 @@
 """Pictures of Task 3: estimates with three standard deviations, logs that had ended, what an error comes from."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What a picture is: panels of marks on axes with units. ``plotly_json`` writes it as Plotly's JSON."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """The pictures over all recordings; None where the results hold nothing to draw."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 

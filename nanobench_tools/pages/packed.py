@@ -1,7 +1,5 @@
 """Numbers for a page: fewer points without hiding anything, and few bytes. Extremes and gaps survive."""
 
-from __future__ import annotations
-
 import base64
 import json
 import zlib

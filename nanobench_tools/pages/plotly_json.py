@@ -3,8 +3,6 @@
 A colour is ``var(--NAME)``, a variable of the style sheet.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from html import escape
 from typing import Any

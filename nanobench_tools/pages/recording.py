@@ -3,8 +3,6 @@
 A note under the picture lists the drawn series and the thinning; see ``packed``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """report.html: one file that holds everything and asks the network for nothing."""
 
-from __future__ import annotations
-
 import functools
 import re
 from collections.abc import Container, Iterable, Mapping, Sequence

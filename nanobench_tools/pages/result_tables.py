@@ -1,7 +1,5 @@
 """Result files (shape of the JSON contract) into tables: one builder per table."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

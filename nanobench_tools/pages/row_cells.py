@@ -1,7 +1,5 @@
 """What tables of all tasks share: columns, cells, clocks and notes of rows as result files hold them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Tables of Task 1 from sysid.json."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Tables of Task 2 from control.json."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Tables of Task 3 from estimate.json."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The first things a person asks, each as one number with what it is worth and where to read on."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

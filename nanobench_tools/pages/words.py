@@ -1,7 +1,5 @@
 """Introductions above each table. Every number is computed from the results that are there."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

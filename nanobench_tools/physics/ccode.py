@@ -1,7 +1,5 @@
 """A model as C without dependencies: one source file, and a header that says what goes in and comes out."""
 
-from __future__ import annotations
-
 import re
 import tempfile
 from pathlib import Path

@@ -7,8 +7,6 @@ the lag. Inflow and ground effect, body forces, torques and the tilt come after.
 so that NumPy arrays and CasADi symbols go through the same lines.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Bounds of a fit: those of the terms, narrowed to what a fit may find."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .model import Model

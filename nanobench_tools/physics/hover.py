@@ -1,7 +1,5 @@
 """Where a vehicle hovers, and how strongly its motors turn it there: what a pilot checks before trusting a model."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

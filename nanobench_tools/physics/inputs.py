@@ -1,7 +1,5 @@
 """Rows of inputs for a batch of windows: the commands shifted by the delay, and rotors warmed up before the start."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

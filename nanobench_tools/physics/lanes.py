@@ -8,8 +8,6 @@ Without a state it is evaluated once per row. Arrays hold components first and l
     state (S, N) or (H + 1, S, N), row inputs (H, I, N), lane inputs (I, N), uniform inputs (I,), others (H, O, N).
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -4,8 +4,6 @@ Entries are object files that only this user can have written (folder mode 0700,
 its checksum and is made again.
 """
 
-from __future__ import annotations
-
 import ctypes
 import functools
 import hashlib

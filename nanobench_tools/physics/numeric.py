@@ -1,7 +1,5 @@
 """A model evaluated with NumPy over a batch: the readable reference the faster ways are measured against."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -4,8 +4,6 @@ Equations are written over components (each a float, an array (n,) of a batch, o
 thus gives numbers and symbols.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple

@@ -3,8 +3,6 @@
 No diagnosis asks for them: a simulator that believes in one shows what a diagnosis does with physics without a name.
 """
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

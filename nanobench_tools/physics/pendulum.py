@@ -8,8 +8,6 @@ A load on a fixed knot swings at sqrt(g / l). Under a free vehicle of mass M it 
 controller puts it between the two (any text on the overhead crane).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

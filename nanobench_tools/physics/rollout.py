@@ -1,7 +1,5 @@
 """Thousands of prediction windows at once, as fast as the processor allows; the same numbers as ``numeric.rollout``."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

@@ -7,8 +7,6 @@ displacement (first and second integral) exact. Any tau down to 0 is stable, and
 The shares differ from exp(-t / tau) at the stage times by O(h^3), which keeps the order 4.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What makes a vehicle or a list of terms impossible. Each rule yields problems that name the key."""
 
-from __future__ import annotations
-
 import difflib
 import math
 from collections.abc import Iterator, Mapping, Sequence

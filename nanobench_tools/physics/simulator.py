@@ -5,8 +5,6 @@
     [[terms]]                           one table per effect: its name and its parameters
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Mapping

@@ -7,8 +7,6 @@
 n rotors have S = 13 + n states. The orders of x, u and p are ``Model.state``, ``Model.inputs`` and ``Model.names``.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from .equations import Equations

@@ -1,7 +1,5 @@
 """Systematic error that logging alone leaves in a parameter: smaller changes are no finding, however significant."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ..settings import number

@@ -1,7 +1,5 @@
 """What a physical effect consists of: its parameters, the stage of the evaluation it acts on, and its expression."""
 
-from __future__ import annotations
-
 import enum
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Three-component algebra over lists of components (floats, arrays of a batch, CasADi scalars)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The vehicle a model is about: what a scale, a ruler and the wiring say."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """All registered terms, and which of them a question concerns: nobody keeps a list of names."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 

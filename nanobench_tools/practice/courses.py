@@ -1,8 +1,6 @@
 """Reference paths for headroom, which no recording has: a figure of eight in the least time, and a course of waypoints
 with the least snap."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Mapping
 from typing import Any

@@ -6,8 +6,6 @@ the setpoints logged in the recordings. The other four (hover, staircase, waypoi
 no recordings. They follow the sheets' words, and each function notes where the sheet leaves a choice.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 

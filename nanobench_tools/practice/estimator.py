@@ -4,8 +4,6 @@ Lags and sizes are those of the published recordings after re-timing: position 2
 behind the gyro. Errors: position 0.4-1 mm, attitude a few tenths of a degree that wander slowly.
 """
 
-from __future__ import annotations
-
 from collections import deque
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Practice flights as recordings: the input of ``nanobench run`` without recordings, and of the tests."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Flies n practice vehicles at once behind any Controller and keeps what the vehicle and the room could have seen."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 

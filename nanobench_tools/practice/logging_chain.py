@@ -6,8 +6,6 @@ get a timestamp on arrival. All columns are then interpolated linearly onto the 
 quarter of a second is a straight line continued, because the streams were shifted by a constant after they ended.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

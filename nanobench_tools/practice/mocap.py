@@ -1,7 +1,5 @@
 """What the motion capture writes: noisy poses, and velocities and rates made from them as in the published files."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

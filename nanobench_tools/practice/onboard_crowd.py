@@ -1,7 +1,5 @@
 """The onboard controllers of a crowd of practice vehicles, each behind its own of ``nanobench_tools.firmware``."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import fields
 from typing import TypeVar

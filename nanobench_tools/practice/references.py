@@ -3,8 +3,6 @@
 A new family is one function in ``curves.py`` or ``courses.py`` and one line in FAMILIES.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any

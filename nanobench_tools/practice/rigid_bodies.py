@@ -8,8 +8,6 @@ Equations: m dv/dt = sum T_i R e3 - drag - m g e3 + contact, J dw/dt = tau - w x
 T_i, T_cmd_i = scale gain_i cubic(u_i V). Signs of the moments: ``frames.MOTOR_SIGNS``.
 """
 
-from __future__ import annotations
-
 import numba as nb
 import numpy as np
 

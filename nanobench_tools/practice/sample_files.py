@@ -1,7 +1,5 @@
 """The files of the three SYNTHETIC flights that are installed with the package."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 SAMPLE = Path(__file__).resolve().parents[1] / "sample"

@@ -6,8 +6,6 @@ motors off, and 3.5 s ground. The planner is the firmware's seventh-order polyno
 velocity, acceleration, jerk).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """Parameters of the practice vehicle: value, spread between flights, unit and where the number comes from."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 

@@ -6,8 +6,6 @@ causal. The delay given to the estimator is in ``flight.metadata["pose_delay_s"]
 gives the time of measurement.
 """
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 from collections.abc import Sequence

@@ -6,8 +6,6 @@ The clock of ``offset`` and ``retimed`` cases must be set without the estimated 
 with a pose every 10 ms, undelayed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 

@@ -4,8 +4,6 @@ The published start of Task 1 contains some of the future. Its velocity is a cen
 every row of a stream interpolated between packets contains part of the next packet.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..flight import Flight, Stream

@@ -4,8 +4,6 @@ For ``aided``, the flight whose error is the median of a method's. For ``blackou
 is the median. It is the same one for every method. To show another flight, give that one alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -5,8 +5,6 @@ the streams are free of faults from t0 to its end. One call of the estimator per
 the poses up to t0, all other streams are whole.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

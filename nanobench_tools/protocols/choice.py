@@ -4,8 +4,6 @@ No row of a test flight is used. A fitted model is fitted again without each gro
 that group. A model that is not fitted here is scored unchanged on the same flights.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

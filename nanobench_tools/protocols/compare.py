@@ -5,8 +5,6 @@ resampled together, sessions first (``metrics.statistics.paired_ratio``). A row 
 the interval of the ratio excludes one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """What Task 1 needs and recordings may lack: velocity and attitude from poses, and an assumed battery voltage."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The "divergence" of the published fast flights: logged estimates whose log had ended, as a picture needs them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

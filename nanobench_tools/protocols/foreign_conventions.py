@@ -4,8 +4,6 @@ quaternions, unit of its path.
 Its score counts them as errors. A sentence names them, so that nobody takes them for errors of the estimator.
 """
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

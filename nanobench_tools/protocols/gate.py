@@ -9,8 +9,6 @@ It passes on three conditions.
 - The median distance of the two paths is below GAP_M.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 

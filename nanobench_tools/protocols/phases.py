@@ -1,7 +1,5 @@
 """Parts of a flight found from content: motors on, the phase in which a path is streamed, a piece cut to the flight."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The published tables, read from ``published.toml`` in this folder, and put into the rows they belong to."""
 
-from __future__ import annotations
-
 import functools
 import tomllib
 from collections.abc import Mapping

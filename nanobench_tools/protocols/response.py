@@ -10,8 +10,6 @@ The size is compared with rigid-body physics: the firmware's thrust curve and ya
 vehicle. Only the motor lag comes from recordings of flights.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

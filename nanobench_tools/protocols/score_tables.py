@@ -1,7 +1,5 @@
 """From one dict of scores per flight to the rows of a table: groups, summaries, intervals."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scores of one estimate on one flight: the published formulas as they were, and the full clean set."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import suppress
 

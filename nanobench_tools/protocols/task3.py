@@ -5,8 +5,6 @@ with the three faults mended (log tails cut, copies dropped, one unit for angles
 recording, airborne and free of logging faults. All functions are pure: flights and audits in, results out.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections import Counter
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Scored trajectories as TUM files, so that any other tool can check the scores."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Task 3, whole flight: poses until take-off and none afterwards; how far off at landing, per metre flown."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Prediction windows of one flight: rows at 100 Hz, clean and airborne, never across a lost frame."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

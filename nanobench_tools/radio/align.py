@@ -7,8 +7,6 @@ fastest way is half the shortest round trip of the link's echo. For any link it 
 trip. The error of an offset is at most half the round trip (Mills, RFC 5905, section 8).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ driver's threads (for ever, if a radio was unplugged). It also waits for a threa
 waits to send. An exception while sending leaves the lock taken for good.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from contextlib import suppress

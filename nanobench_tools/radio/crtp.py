@@ -3,8 +3,6 @@
 Source: crazyflie-firmware 2025.12.1, crtp.h; over UDP a datagram is one packet, without a checksum.
 """
 
-from __future__ import annotations
-
 from enum import IntEnum
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """How a recorded flight ended whose link was lost in the air: the poses go on, and show a landing or a fall."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

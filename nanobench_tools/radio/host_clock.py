@@ -1,7 +1,5 @@
 """Time on the host, and waiting for it: the real one, or that of a simulated world that goes as fast as it can."""
 
-from __future__ import annotations
-
 import time
 from typing import Protocol
 

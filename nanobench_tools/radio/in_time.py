@@ -1,7 +1,5 @@
 """Waits that end: a call that is given up after a time, and the end of a program that cannot end itself."""
 
-from __future__ import annotations
-
 import faulthandler
 import os
 import signal

@@ -7,8 +7,6 @@ from the vehicle's own log, except where a controller on the host followed the p
 the vehicle does not know the path (``setpoint_source: host`` in the sheet).
 """
 
-from __future__ import annotations
-
 import struct
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Everything that goes over a link, written down as it comes: ``Recorder`` listens to link, mocap and flight."""
 
-from __future__ import annotations
-
 import datetime
 import re
 import struct

@@ -1,7 +1,5 @@
 """Settings of the whole program that several flights need at once: each begins them, and they end with the last."""
 
-from __future__ import annotations
-
 import functools
 import threading
 from collections.abc import Callable, Iterator

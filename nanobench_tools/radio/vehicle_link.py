@@ -3,8 +3,6 @@
 ``Link`` is what ``fly`` and ``record`` are written against; ``CflibLink`` is the one there is.
 """
 
-from __future__ import annotations
-
 import logging
 import struct
 import threading

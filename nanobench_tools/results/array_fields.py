@@ -1,7 +1,5 @@
 """Some rows of a dataclass of arrays, and several such laid end to end; other fields stay."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass, replace
 from typing import TypeVar

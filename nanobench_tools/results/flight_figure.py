@@ -1,7 +1,5 @@
 """A recording as a plotly figure (extra ``report``): position, turning, motors and battery over time."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -4,8 +4,6 @@ Metadata of a field says how it is in JSON: ``OPTIONAL``, absent where it is Non
 own keys among those around it; ``named("pass")``, under another key.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import os

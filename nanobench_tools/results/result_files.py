@@ -1,7 +1,5 @@
 """Result files: one envelope, plain JSON numbers, written whole or not at all."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

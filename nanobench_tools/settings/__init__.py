@@ -12,8 +12,6 @@ TOML file is none.
 Numbers of another origin (firmware, a format, an equation, a limit for safety) stay where they are used.
 """
 
-from __future__ import annotations
-
 import functools
 import tomllib
 from copy import deepcopy

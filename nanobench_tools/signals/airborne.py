@@ -5,8 +5,6 @@ A log that was switched on in the air never shows the ground, and its lowest poi
 flight load on a vehicle that moves are then the evidence: a vehicle on the ground never runs them that long.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..flight import Span, Stream, poses_alone, subtract_spans

@@ -1,7 +1,5 @@
 """Signs and units of estimated Euler angles that contradict the gyro, in recordings without motion capture."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ sign is accepted only if it is clearly better than the stored one. It must also 
 flight, not only in their sum.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import permutations
 from typing import Any

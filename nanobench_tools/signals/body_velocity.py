@@ -1,7 +1,5 @@
 """Velocities that were written in the axes of the body: turned by the attitude, they fit the path of their stream."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Streams of one recording without a common time: no value of one can be compared with a value of another."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ vehicle that leans into a wind feels its tilt. Any other mean of the acceleromet
 of a position is its origin, and that of a yaw is a heading.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which onboard controller flew."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .context import Context

@@ -1,7 +1,5 @@
 """When a vehicle was lost: tumbled, lay on its side, or fell out of the air."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Velocity of a motion capture that logs positions alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -6,8 +6,6 @@ streams that cannot hold still, because their noise is gone. Commands may hold (
 command is therefore called dead only from the moment at which the streams with noise died as well.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The turning of the vehicle by its estimated attitude."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .. import so3

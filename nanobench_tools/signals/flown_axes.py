@@ -7,8 +7,6 @@ correlation is negative. With another axis up there is no correlation. And a veh
 a flight was above that place in between.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Which way gravity lies in the body, by the accelerometer."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where shocks are to be expected: near the ground, once the vehicle has taken off."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..settings import count, number

@@ -5,8 +5,6 @@ matrix near the identity (scale, tilted markers) plus the offset. The uncertaint
 matrix: a vehicle that spins steadily does not separate offset and scale. Without any attitude, a rest shows the offset.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rows of the motion capture without a measured pose: no numbers, a repeated pose, or a straight line."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ A factor is known within an interval, by noise and by delays. Every known factor
 one the interval is reported.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

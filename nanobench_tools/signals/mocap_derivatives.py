@@ -1,7 +1,5 @@
 """The motion capture as the yardstick: its pose and what follows from it, on one even grid of 100 Hz."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

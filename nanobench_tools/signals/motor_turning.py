@@ -5,8 +5,6 @@ The angular acceleration about x and y follows the differences of the motors on 
 exchanged, and motors in another order, fit better with another one. Yaw follows too weakly to show anything.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import permutations
 

@@ -1,7 +1,5 @@
 """What the vehicle's own extended Kalman filter said in flight, as logged over the radio."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .. import so3

@@ -5,8 +5,6 @@ estimated attitude tilts. Where they contradict each other, one column is negate
 real flights the estimated velocity correlates by +0.6 to +1.0 with the rate of the position (n = 60).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any

@@ -1,8 +1,6 @@
 """Gyro against the estimated attitude, axis by axis, in recordings without motion capture to judge either: units of
 single axes, and axes that changed places."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ A resampler interpolates between packets. Rows without a packet therefore lie on
 column (the chord test of ``sources.interpolation``). Streams that keep their sensor's timestamps have none.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

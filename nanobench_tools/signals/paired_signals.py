@@ -5,8 +5,6 @@ Both are on the grid of ``mocap_derivatives`` and band-limited forward and backw
 frozen or jumping data are left out.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache

@@ -1,7 +1,5 @@
 """Which signals are compared with what the motion capture predicts for them, each once."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

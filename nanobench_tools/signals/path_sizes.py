@@ -6,8 +6,6 @@ position in another unit thus contradicts its attitude. Smooth numbers without a
 millimetres of the origin, where others span metres, is in another unit.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from .. import so3

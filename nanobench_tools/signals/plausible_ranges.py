@@ -4,8 +4,6 @@ For quantities that can be compared with the motion capture, ``axis_unit_matchin
 others, and the scale of the motion capture itself, on which every comparison relies.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

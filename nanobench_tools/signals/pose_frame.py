@@ -3,8 +3,6 @@
 Every other check uses poses with z up in both (``posed``). A turned frame is thus one finding and not many.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

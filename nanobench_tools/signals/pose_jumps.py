@@ -1,7 +1,5 @@
 """Jumps of the tracked pose between two frames; limits and reasons are in ``faults.mocap_jump``."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

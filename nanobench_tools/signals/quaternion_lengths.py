@@ -1,7 +1,5 @@
 """Elements of quaternions that are not in one unit: their length shows which one is scaled."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..settings import number

@@ -6,8 +6,6 @@ Where both are known, both must prefer the other reading, or the path must and t
 does not decide if a sensor in other axes explains it as well.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from itertools import permutations, product

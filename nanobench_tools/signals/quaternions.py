@@ -8,8 +8,6 @@ is used. Where two do (an upright vehicle turned by 180 deg), the one that agree
 used.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ A resampler draws rows on a straight line where no packet came. While no packet 
 up to it. Every packet of its log is the answer to one that it was sent.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..flight import Flight, Span

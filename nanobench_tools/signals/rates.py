@@ -1,7 +1,5 @@
 """How many values a sensor really sent, and how often."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

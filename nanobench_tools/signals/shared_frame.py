@@ -5,8 +5,6 @@ are ``pose_frame``; the other streams share its axes where their comparison with
 Without motion capture the estimated position and attitude are judged in the same way.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Samples that differ from their neighbours and return at once; limits and reasons are in ``faults.spike``."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

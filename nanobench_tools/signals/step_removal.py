@@ -1,8 +1,6 @@
 """Tracked positions without the jumps of ``faults.mocap_jump``, for checks that need only the height above the ground.
 It needs only the positions, so the search for jumps can use it to find when the vehicle flew."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..settings import count, number

@@ -7,8 +7,6 @@ that axis cannot show. Errors that no rotation explains (one negated column, two
 ``sign`` and ``axis_swap``.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import permutations, product
 

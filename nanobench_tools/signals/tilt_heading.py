@@ -1,8 +1,6 @@
 """Whether the tracked attitude tilts where the path accelerates. It does not if the quaternions are inverted, or if
 attitude and position are in worlds that are turned about the vertical."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

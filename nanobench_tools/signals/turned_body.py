@@ -5,8 +5,6 @@ The rotation that takes the turning of the tracked body to that of the gyro is t
 Quarter and half turns are ``frame``.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,8 +1,6 @@
 """Which signs, axes, scales and offsets no other column of a recording shows: what an audit without a finding leaves
 open."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..flight import motors_of

@@ -1,7 +1,5 @@
 """Wrong units of a flight, each once, and the streams they concern."""
 
-from __future__ import annotations
-
 from .axis_unit_matching import AxisUnitMatch
 from .context import Context
 from .path_sizes import wrong_paths

@@ -1,7 +1,5 @@
 """The rows of each stream that can be worked with: timestamps that are numbers and advance."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..flight import Span, Stream

@@ -1,7 +1,5 @@
 """The streams that are in other axes, signs or units than the motion capture, each mistake once."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

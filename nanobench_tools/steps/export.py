@@ -1,7 +1,5 @@
 """Recordings into formats of other tools. (Back to the NanoBench format: ``sources.nanobench_writer``.)"""
 
-from __future__ import annotations
-
 import io
 import json
 from collections.abc import Callable

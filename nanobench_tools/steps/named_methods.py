@@ -1,7 +1,5 @@
 """Methods by name: registered ones and ``module:Class``, checked before anything is run."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -5,8 +5,6 @@ without a number are left out. A line breaks where something was cut and at gaps
 is known of it. How many rows are left out is in the log. Times are seconds from the first row, as recorded.
 """
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

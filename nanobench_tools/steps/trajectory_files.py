@@ -3,8 +3,6 @@
 Rows without a whole pose are left out.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How a number is shown: its title, its unit in print, and how many digits it deserves."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

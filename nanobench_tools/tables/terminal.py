@@ -2,8 +2,6 @@
 spreads are left out first, then text is folded between words, then long words of sentences (topics, paths) are broken.
 Then columns are left out and listed, or stacked below each other."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Sequence
 from dataclasses import replace

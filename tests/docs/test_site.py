@@ -1,7 +1,5 @@
 """The site: pages from the code are whole, links are checked, limits in the text are those of the code."""
 
-from __future__ import annotations
-
 import inspect
 
 import pytest
@@ -36,6 +34,13 @@ def test_the_reference_has_every_function_of_the_package():
 def test_a_page_has_an_entry_for_each(page, names):
     text = page()
     assert [name for name in names if f"`{name}`" not in text] == []
+
+
+def test_types_of_result_files_are_as_the_code_writes_them():
+    """Which needs ``from __future__ import annotations`` in their files."""
+    text = generated.schemas()
+    assert "class '" not in text
+    assert "collections.abc" not in text
 
 
 def test_error_messages_have_a_place_and_a_remedy():

@@ -4,8 +4,6 @@
 too: the site works offline.
 """
 
-from __future__ import annotations
-
 import sys
 from html.parser import HTMLParser
 from pathlib import Path

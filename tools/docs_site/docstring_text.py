@@ -1,7 +1,5 @@
 """Docstrings as Markdown: examples in fences, literal blocks, and code in single backquotes."""
 
-from __future__ import annotations
-
 import inspect
 import re
 

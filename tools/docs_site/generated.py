@@ -1,7 +1,5 @@
 """Pages of the site that are written from the code at each build, so that they cannot differ from it."""
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import functools

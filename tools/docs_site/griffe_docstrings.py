@@ -1,7 +1,5 @@
 """Griffe extension: docstrings reach mkdocstrings as Markdown."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

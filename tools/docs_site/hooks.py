@@ -1,7 +1,5 @@
 """MkDocs hooks: pages written from the code, and the pages of the project's root with their links turned round."""
 
-from __future__ import annotations
-
 import re
 import sys
 from pathlib import Path

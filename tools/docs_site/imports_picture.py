@@ -1,7 +1,5 @@
 """The page "Who imports whom": a picture of the packages in rows, from the imports of the code."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from pathlib import Path
 

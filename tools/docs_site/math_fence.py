@@ -1,7 +1,5 @@
 """Equations in ``math`` fences as inline SVG, which needs neither a script nor a font for mathematics."""
 
-from __future__ import annotations
-
 import html
 import io
 from typing import Any

@@ -7,8 +7,6 @@
     python -m tools.figures --check                    change nothing; exit 1 where text and figures differ
 """
 
-from __future__ import annotations
-
 import argparse
 import datetime
 import json

@@ -20,8 +20,6 @@
 Several sources may read the result of one command. A pick finds exactly one item, or says what it found.
 """
 
-from __future__ import annotations
-
 import itertools
 import json
 import re

@@ -5,8 +5,6 @@ one of the harmless kinds below. What this cannot see: numbers in words ("three 
 sentence that misreads its table. For the last there is `holds` (text.py).
 """
 
-from __future__ import annotations
-
 import re
 
 from markdown_it import MarkdownIt

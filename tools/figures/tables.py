@@ -12,8 +12,6 @@ A row whose key ends in `?` is left out while nothing is stored for it. A table 
 Where the numbers come from is said below every table.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 

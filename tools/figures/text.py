@@ -9,8 +9,6 @@ A cell is text with {KEY FORMAT} or {code:MODULE:NAME FORMAT} in braces. FORMAT 
 a `,` behind the format makes them a list. Marks in fenced code are code.
 """
 
-from __future__ import annotations
-
 import importlib
 import math
 import re

@@ -10,8 +10,6 @@ another order, and a gyro that no attitude judges. Axes that turned as a whole a
 Size: nan. Smallest found: axes that both move enough for a correlation of 0.4.
 """
 
-from __future__ import annotations
-
 import math
 
 from ...flight import Fault, Flight

@@ -5,8 +5,6 @@ up are in doubt. The span covers the times that occur twice. Shared stamps are r
 seconds of the step. Smallest found: any step to before the row ahead (one that only shortens a row is none).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...flight import Fault, Flight

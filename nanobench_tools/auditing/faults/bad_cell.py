@@ -7,8 +7,6 @@ beyond any measurement (1e8 in SI units). Stretches of poses are ``mocap_occlusi
 Size: cells, or rows. Smallest found: one cell.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...flight import Fault, Flight

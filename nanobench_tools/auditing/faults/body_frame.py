@@ -10,8 +10,6 @@ A body that is turned against the gyro, mostly about z, is found by their turnin
 Size: tilt of the z axis in the first moment, or the turn, rad. Smallest found: a tilt of 30 deg, a turn of 18 deg.
 """
 
-from __future__ import annotations
-
 import math
 
 from ...flight import Fault, Flight, poses_alone

@@ -4,8 +4,6 @@ Found by the reader (CRC-32 of uSD-deck logs); which bytes are wrong is not know
 Size: none. Smallest found: any wrong byte but with a chance of 2e-10.
 """
 
-from __future__ import annotations
-
 from .kind import FaultKind
 from .making import found_by_reader
 

@@ -8,8 +8,6 @@ the scatter.
 Size: s per s. Smallest found: stated per stream, 4-15 ms over a flight with a quiet clock.
 """
 
-from __future__ import annotations
-
 from ...flight import Fault, Flight
 from ...signals.context import Context
 from ...time_offsets.constant.drift_and_wander import moving_clocks

@@ -9,8 +9,6 @@ the clock wanders.
 Size: the offset in s. Smallest found: 5 ms and 2.5 half intervals; for an estimator's stream alone 50 ms more.
 """
 
-from __future__ import annotations
-
 from ...flight import Fault, Flight
 from ...settings import number
 from ...signals.context import Context

@@ -11,8 +11,6 @@ Size: standard deviation in s. Smallest found: stated per stream; 4 ms on the tr
 when the clock moves over seconds, up to 90 ms when it moves over tenths.
 """
 
-from __future__ import annotations
-
 from ...flight import Fault, Flight
 from ...signals.context import Context
 from ...time_offsets.constant.drift_and_wander import moving_clocks

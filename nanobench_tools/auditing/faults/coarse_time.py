@@ -7,8 +7,6 @@ rows is then unknown, and with it every velocity and delay; no row can be used.
 Size: median number of rows per timestamp. Smallest found: 2.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...flight import Fault, Flight

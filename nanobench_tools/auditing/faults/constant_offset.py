@@ -9,8 +9,6 @@ Size: the offset of the worst axis. Smallest found: 0.3 m/s, 0.1 rad, 0.3 m/s^2 
 Real flights have up to 0.15 m/s, 0.04 rad, 0.16 m/s^2 at rest and 0.63 m/s^2 in flight.
 """
 
-from __future__ import annotations
-
 from ...flight import Fault, Flight
 from ...signals.constant_offsets import constant_offsets
 from ...signals.context import Context

@@ -8,8 +8,6 @@ is no copy. The function ``parts`` finds these, so that no flight is counted twi
 Size: none. Smallest found: equality to 1e-9 of every number.
 """
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Sequence

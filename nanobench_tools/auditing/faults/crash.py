@@ -8,8 +8,6 @@ to the end of the recording. After a crash the vehicle is another one, so no oth
 Size: the largest tilt afterwards, rad. Smallest found: 60 deg, or 3 m/s.
 """
 
-from __future__ import annotations
-
 from ...flight import Fault, Flight
 from ...signals.context import Context
 from ...signals.crashes import TILT_RAD, crash_of

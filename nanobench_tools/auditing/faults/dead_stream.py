@@ -16,8 +16,6 @@ held still before, such as a setpoint in hover, if no other stream died with it,
 landing where they did so before take-off (a tracker without noise at rest).
 """
 
-from __future__ import annotations
-
 from ...flight import Fault, Flight
 from ...signals.airborne import airborne_spans
 from ...signals.context import Context

@@ -5,8 +5,6 @@ reported once, with no stream. Where most rows share theirs, it is ``coarse_time
 Smallest found: 1 row.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...flight import Fault, Flight

@@ -9,8 +9,6 @@ One entry per jump; the span runs until the error is back below a third of the j
 Size: metres. Smallest found in any direction: 1.3 times the root of the sum of both limits squared, 0.28 m at 0.5 m/s.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...flight import Fault, Flight

@@ -4,8 +4,6 @@ Found by the reader, which keeps its numbers in a separate stream.
 Size: columns. Smallest found: one column.
 """
 
-from __future__ import annotations
-
 from .kind import FaultKind
 from .making import found_by_reader
 

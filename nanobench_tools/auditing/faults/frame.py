@@ -17,8 +17,6 @@ A velocity in the axes of the body follows the path once it is turned by the att
 Size: angle of the turn, rad. Smallest found: a quarter turn.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -12,8 +12,6 @@ last while the motors run.
 Size: seconds. Smallest found: 0.15 s; battery 3 s.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...flight import Fault, Flight

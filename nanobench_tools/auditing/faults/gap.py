@@ -16,8 +16,6 @@ Size: seconds between the samples. Smallest found: 0.1 s (0.05 s motion capture,
 one row.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...flight import Fault, Flight

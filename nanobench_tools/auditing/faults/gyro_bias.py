@@ -9,8 +9,6 @@ rad/s.
 Size: the offset of the worst axis, rad/s. Smallest found: 0.1 rad/s and four standard deviations.
 """
 
-from __future__ import annotations
-
 from ...flight import Fault, Flight
 from ...signals.context import Context
 from ...signals.gyro_offset import CERTAIN, LIMIT_RAD_S, gyro_offset

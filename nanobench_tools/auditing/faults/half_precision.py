@@ -4,8 +4,6 @@ Found and doubled by the reader of uSD logs (``sources.halved_values``), in vari
 precision before firmware 2026.08. Size: values. Smallest found: one value.
 """
 
-from __future__ import annotations
-
 from .kind import FaultKind
 from .making import found_by_reader
 

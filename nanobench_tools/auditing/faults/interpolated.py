@@ -5,8 +5,6 @@ piecewise straight lines. Interpolated rows must not count as independent measur
 Smallest reported: 1 %.
 """
 
-from __future__ import annotations
-
 from ...flight import Fault, Flight
 from ...settings import number
 from ...signals.context import Context

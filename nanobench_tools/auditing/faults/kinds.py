@@ -1,7 +1,5 @@
 """All registered kinds of faults, ours and others', and their sets."""
 
-from __future__ import annotations
-
 import functools
 import warnings
 from collections.abc import Callable

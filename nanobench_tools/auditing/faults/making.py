@@ -1,7 +1,5 @@
 """Faults of a whole stream, and those that only a reader can see."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace

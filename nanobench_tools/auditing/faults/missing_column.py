@@ -7,8 +7,6 @@ gets an InputError that names it.
 Size: columns. Smallest found: one column.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -12,8 +12,6 @@ the jump if that part is shorter). The rest is in one frame. One entry per displ
 Size: metres, or radians for a rotation alone. Smallest found: the limit plus the noise of the poses.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -9,8 +9,6 @@ Size: seconds between the true poses on either side. Smallest found: 0.05 s (2.5
 50 Hz), two rows.
 """
 
-from __future__ import annotations
-
 from ...flight import Fault, Flight, Span, intersect_spans
 from ...settings import number
 from ...signals.airborne import airborne_spans

@@ -4,8 +4,6 @@ Found by its height: never more than 5 cm above the lowest place it stood at. Ne
 position. Size: the highest point in m. Smallest found: any recording of a second or more.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...flight import Fault, Flight

@@ -9,8 +9,6 @@ motors.
 Size: seconds between the streams. Smallest found: any without a common moment.
 """
 
-from __future__ import annotations
-
 from ...flight import Fault, Flight
 from ...signals.common_time import JUDGES, apart, told
 from ...signals.context import Context

@@ -13,8 +13,6 @@ it.
 Size: mean cosine of the tilt as read. Smallest found: any.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from ...flight import Fault, Flight

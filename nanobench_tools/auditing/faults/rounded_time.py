@@ -8,8 +8,6 @@ the error of the timestamps. Several rows of one timestamp are ``coarse_time``.
 Size: the step, s. Smallest found: a fifth of the distance between rows.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...flight import Fault, Flight

@@ -11,8 +11,6 @@ Size: rows at that end of the range. Smallest found: 3, or three times the rows 
 values (1 for a sensor with noise). A shorter clip looks like any extreme and is not found.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...flight import Fault, Flight

@@ -18,8 +18,6 @@ Size: the correlation's sign, -1. Smallest found: any axis that moves enough for
 in flights that hold their heading, a world axis not flown along) are not judged.
 """
 
-from __future__ import annotations
-
 from ...flight import Fault, Flight, motors_of
 from ...signals.attitude_signs import contradicted_angles
 from ...signals.axis_unit_matching import CLEAR, axis_unit_matches

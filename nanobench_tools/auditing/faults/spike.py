@@ -12,8 +12,6 @@ vehicle's motion from the row before to the row after. A jump that stays must no
 and noise are added, which may hide it. It is 2 cm for the motion capture of a resting vehicle, 6 cm at 1 m/s.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...flight import Fault, Flight

@@ -5,8 +5,6 @@ more than 0.1 s before the stated one. Rows alone may be missing inside, or be r
 missing, as far as known. Smallest found: one.
 """
 
-from __future__ import annotations
-
 from .kind import FaultKind
 from .making import found_by_reader
 

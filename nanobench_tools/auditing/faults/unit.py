@@ -12,8 +12,6 @@ Size: the factor. Smallest found: 3 (or 1/3); true ones are 0.4-1.3 in the real 
 the smallest common mistake is 9.81. Not found: scale errors of calibration.
 """
 
-from __future__ import annotations
-
 from ...flight import Fault, Flight
 from ...signals.attitude_signs import angle_matches
 from ...signals.context import Context

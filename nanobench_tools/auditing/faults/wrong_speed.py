@@ -8,8 +8,6 @@ than motors take to follow. Thrust per squared speed read from such a log is too
 Size: share of the rows. Smallest found: 0.3 s in all. Not found: two sensors or more that fail alike.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 

@@ -7,8 +7,6 @@ controllers.gains import Gains`` means the user's file: each has an ``__import__
 ``importlib.import_module`` with an absolute name does not use it and finds ours.
 """
 
-from __future__ import annotations
-
 import base64
 import builtins
 import importlib

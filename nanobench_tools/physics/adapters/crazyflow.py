@@ -5,8 +5,6 @@ quaternions, motors and signs are as here, rotor speeds in RPM (``export.drone_m
 as theirs do: dOmega/dt = a (cmd - Omega) + b (cmd^2 - Omega^2).
 """
 
-from __future__ import annotations
-
 import contextlib
 import importlib.util
 import json

@@ -1,7 +1,5 @@
 """From PWM to rotor speed for parameters of others that begin at the rotor speed, and their rotors in our order."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -3,8 +3,6 @@
     export_model(model, "rotorpy", folder)      -> Exported(files, account)
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

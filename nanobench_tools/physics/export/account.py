@@ -1,7 +1,5 @@
 """Account of a model in another simulator: kept, approximated and lost effects, and assumptions."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

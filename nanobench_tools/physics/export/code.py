@@ -1,7 +1,5 @@
 """A model as C without dependencies and as CasADi functions in files: nothing is lost."""
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 

@@ -10,8 +10,6 @@ of them does not know are ignored by it. Frames, quaternions, motor order and si
 drone-models 0.1 has the first component of the gyroscopic moment with the other sign; crazyflow has mended it.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

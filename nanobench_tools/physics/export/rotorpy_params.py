@@ -10,8 +10,6 @@ Kumar 2023, RotorPy, arXiv 2306.04485; vehicles/multirotor.py of 3.0):
 Drag of rotors grows with their speed there; ours in proportion to velocity alone is made equal at the speed of hover.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

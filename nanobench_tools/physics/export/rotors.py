@@ -1,7 +1,5 @@
 """A model as simulators see it that take rotor speeds: rotors with one thrust coefficient on a rigid body."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, fields
 from typing import Any

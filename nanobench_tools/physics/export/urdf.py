@@ -6,8 +6,6 @@ square frame. Ground effect is T gnd_eff_coeff (prop_radius / (4 z))^2. Drag is 
 rad/s and v in the world. Gravity is 9.8 m/s^2. Thrust follows at once.
 """
 
-from __future__ import annotations
-
 import math
 import xml.etree.ElementTree as ET
 from pathlib import Path

@@ -6,8 +6,6 @@ kinds too. The input is never changed. ``stream`` empty in the truth means all s
 once. ``checksum`` belongs to binary logs and has no injection here.
 """
 
-from __future__ import annotations
-
 from ...auditing.faults.kind import Blind, Injection
 from ...auditing.faults.kinds import kinds
 

@@ -3,8 +3,6 @@
 The rows stay on the timestamps of the motion capture, as in the files: the values are moved along time instead.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

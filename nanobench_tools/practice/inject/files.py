@@ -3,8 +3,6 @@
 Signature: (data, rng, size) -> (data, truth). Times of the truth are in seconds from the first row of the file.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...auditing.faults.kind import Injection

@@ -1,7 +1,5 @@
 """Where an injected fault goes: which rows, which stream, and the sentence that says so."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Faults of the motion capture and of orientation: lost from sight, moved, and quaternions in another order."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ... import so3

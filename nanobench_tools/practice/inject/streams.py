@@ -1,7 +1,5 @@
 """Faults of single streams: ended, frozen, missing, spiked, clipped, in another unit, sign or order."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

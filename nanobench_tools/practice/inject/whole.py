@@ -1,7 +1,5 @@
 """Faults of a whole recording: it never flew, it crashed, its estimator was reset, it is there twice."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

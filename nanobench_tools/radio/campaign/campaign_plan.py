@@ -1,7 +1,5 @@
 """Plan of a campaign: paths, controllers, repetitions, and the order of its flights."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from dataclasses import asdict, dataclass

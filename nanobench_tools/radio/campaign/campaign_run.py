@@ -1,7 +1,5 @@
 """Flying a campaign: voltage at rest, choice of a flight, flight, state; until all are done or somebody is needed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from ...errors import InputError

@@ -1,7 +1,5 @@
 """State of a campaign on disk: which flights are done, with recording and voltage. Written whole after every flight."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass

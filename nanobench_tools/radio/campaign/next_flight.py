@@ -1,7 +1,5 @@
 """Choice of the next flight of a campaign by the battery voltage at rest."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

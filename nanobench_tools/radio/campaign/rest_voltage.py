@@ -1,7 +1,5 @@
 """Battery voltage of a vehicle at rest, once it has recovered from the last flight."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Plan of a fleet: two to eight vehicles with address, place, path, controller and delay."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass, fields
 from pathlib import Path

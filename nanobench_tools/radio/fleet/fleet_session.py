@@ -1,7 +1,5 @@
 """Flights of a fleet: one thread each, with the loop, rules and recorder of a single flight."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext

@@ -1,7 +1,5 @@
 """Vehicles of a fleet wait for each other: before arming, and before take-off."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Mapping
 

@@ -1,7 +1,5 @@
 """One vehicle's part in a fleet, as its flight knows it."""
 
-from __future__ import annotations
-
 from ..fly.company import GROUND_S
 from ..fly.interrupts import Interrupts
 from ..fly.pilot import PERIOD_S

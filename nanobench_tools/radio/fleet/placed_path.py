@@ -1,7 +1,5 @@
 """A path that is moved to a place."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ A vehicle below another one flies in its downwash. So the space that each vehicl
 higher than wide. Vehicles that approach each other must still be able to brake outside it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations

@@ -1,7 +1,5 @@
 """What the flights of a fleet know of each other: places, speeds, and that one has ended."""
 
-from __future__ import annotations
-
 import threading
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ accelerometer. Without fresh logs it stays level, with a thrust a little below h
 should be, or after a limit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

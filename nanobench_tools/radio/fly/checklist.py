@@ -5,8 +5,6 @@ and the vehicle's estimate at power-up shows its heading. Only then are poses se
 them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ estimate, and so shows whether that estimate is to be trusted without poses. The
 thrust of hover are averaged while poses come.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field

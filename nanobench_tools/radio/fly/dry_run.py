@@ -1,7 +1,5 @@
 """A flight without a vehicle, to show its packets. The vehicle is assumed exactly at its reference."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...methods import VehicleState

@@ -1,7 +1,5 @@
 """The end of a flight: the plan's landing, the hand-over after a violated rule, and motors off."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -4,8 +4,6 @@ A tick that still works when the next is due has missed its deadline. Skipped ti
 repeated. Jitter is the delay of a tick's start and of its set-point against the ideal grid.
 """
 
-from __future__ import annotations
-
 import gc
 import os
 import sys

@@ -5,8 +5,6 @@ its speed or back. The path's time follows the speed of the firmware's polynomia
 position, velocity, acceleration and jerk stay continuous.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

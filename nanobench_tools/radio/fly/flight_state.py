@@ -1,7 +1,5 @@
 """State of a flight: poses, log and link as one situation per tick, and its phases for those who listen."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..host_clock import Clock

@@ -1,7 +1,5 @@
 """Guardian of a flight in a separate thread: a hang keeps neither the vehicle up nor the program alive."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Iterator

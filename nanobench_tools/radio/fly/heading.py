@@ -4,8 +4,6 @@ The firmware adds up the yaw rate it is sent and holds the angle that comes of i
 A controller's moment about z, made for motors at hand, would have to pass through that loop; it is not used.
 """
 
-from __future__ import annotations
-
 from ... import so3
 from ...methods import Reference, VehicleState
 

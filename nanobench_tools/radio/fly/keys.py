@@ -1,7 +1,5 @@
 """The space bar while a vehicle flies: an emergency stop from the terminal."""
 
-from __future__ import annotations
-
 import os
 import select
 import sys

@@ -1,7 +1,5 @@
 """Goal and duration of a landing by the vehicle's own planner."""
 
-from __future__ import annotations
-
 LANDING_M_S, SHORTEST_LANDING_S = 0.35, 1.5
 SETTLES_S, BELOW_M = 1.2, 0.05
 """Time beyond what the height takes, and a goal below the ground. The vehicle follows its planner half a second late.

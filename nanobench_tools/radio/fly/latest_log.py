@@ -1,7 +1,5 @@
 """What the vehicle last said of itself in its log, and how long ago: a flight must not go by what is old."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..vehicle_link import Link

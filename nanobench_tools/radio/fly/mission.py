@@ -1,7 +1,5 @@
 """A flight: take-off, the streamed part at 100 Hz, landing. A violated rule ends it on the ground."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from contextlib import ExitStack

@@ -11,8 +11,6 @@ thrust under way. Gains made for direct motor commands are high for this delay. 
 (``setpoint``, see ``pilot``) or predict their states (``predictive``) fly better.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ... import so3

@@ -5,8 +5,6 @@ is missing, loose or damaged. The firmware has no threshold by default. Motors a
 and with what is usual for this vehicle, once some tests were kept.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

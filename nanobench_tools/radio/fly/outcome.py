@@ -1,7 +1,5 @@
 """Result of a flight, and its observers."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol

@@ -5,8 +5,6 @@ Three kinds: the vehicle's own controllers, which get positions; controllers tha
 (``motor_commands``).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Protocol
 

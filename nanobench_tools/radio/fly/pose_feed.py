@@ -1,7 +1,5 @@
 """Poses on their way: from the motion capture to who tracks them, to the recorder, and to the vehicle."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from ..in_time import within

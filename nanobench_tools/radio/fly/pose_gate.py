@@ -4,8 +4,6 @@ A tracker that froze sends the last pose again with new timestamps. A vehicle's 
 that it has stopped. Without them it goes on by its IMU, and still knows its speed when the flight is handed over.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

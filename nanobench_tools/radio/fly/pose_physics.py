@@ -6,8 +6,6 @@ the integral of the gyro. Mirrored or late attitudes turn the other way. Tilt: o
 same tilt as the poses. Poses that froze with noise in hover let the vehicle tilt more and more.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Mapping
 

@@ -5,8 +5,6 @@ positions, and their rotations from the newest one. Neither lags under steady ac
 window, as of Savitzky and Golay 1964, at its end and with the poses' own times.)
 """
 
-from __future__ import annotations
-
 import threading
 from collections import deque
 from dataclasses import dataclass

@@ -10,8 +10,6 @@ A gain that is too high here ends in a cycle between the bounds of the rates. Th
 it, and as the battery drops, so does the vehicle. (``firmware.pid``, ``firmware.motors.mix_legacy`` and ``cap``.)
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Protocol
 

@@ -3,8 +3,6 @@
 Nothing is armed, and no pose is fed, before everything that can be checked without has been checked.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ The first reason ends it: the vehicle holds its place with its own loops and lan
 one class here and one line in ``rules``.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field

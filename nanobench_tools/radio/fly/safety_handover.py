@@ -5,8 +5,6 @@ levels out 0.5 s after the last set-point and stops its motors after 2 s (superv
 high-level commander is not under that watchdog.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A flight from the URI to the recording: link, poses, checklist, flight, export."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, field

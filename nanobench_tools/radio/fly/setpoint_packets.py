@@ -5,8 +5,6 @@ thrust are sent as type ``manual``. Its thrust is not limited to 60000 as that o
 for a vehicle that hovers at 57600. Its pitch rate is the legacy one (nose up positive), its yaw rate is not turned.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """An emergency stop from another terminal: a flight listens on a local socket whose name follows from the URI."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import socket

@@ -8,8 +8,6 @@ request parameters until they have sent what they can.
 Computing takes no time here; jitter and deadlines are measured against the real clock only.
 """
 
-from __future__ import annotations
-
 import itertools
 import threading
 import time

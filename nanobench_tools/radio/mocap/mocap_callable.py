@@ -6,8 +6,6 @@ with ``setpoint(time_s, said)`` and ``close()``. The first is called with what i
 the end.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from ...errors import InputError, UsageError

@@ -4,8 +4,6 @@ The package gives no time of exposure: a pose is stamped when its frame arrives,
 every timestamp. The clock reading of ``nanobench audit`` shows it.
 """
 
-from __future__ import annotations
-
 import threading
 from typing import Any
 

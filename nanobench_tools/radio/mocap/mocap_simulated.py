@@ -1,7 +1,5 @@
 """Poses of a simulated vehicle: datagrams that its server sends to whoever asks."""
 
-from __future__ import annotations
-
 import socket
 import threading
 import time

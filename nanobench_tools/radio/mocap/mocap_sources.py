@@ -1,7 +1,5 @@
 """Where poses come from while flying: a simulated motion capture, the package ``motioncapture``, anybody's callable."""
 
-from __future__ import annotations
-
 from urllib.parse import urlparse
 
 from ...errors import UsageError

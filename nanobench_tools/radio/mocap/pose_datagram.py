@@ -4,8 +4,6 @@ Send any datagram to the address to get poses for the next ``SUBSCRIPTION_S``. B
 port + ``PORT_OFFSET``. Sending again in time keeps them coming.
 """
 
-from __future__ import annotations
-
 import struct
 from typing import NamedTuple
 

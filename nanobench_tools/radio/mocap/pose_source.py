@@ -5,8 +5,6 @@ a world with z up, quaternions x, y, z, w from the body (x forward, y left, z up
 frames.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Protocol
 

@@ -7,8 +7,6 @@ blocks of 100 Hz over 700 packets/s arrive as 77 Hz each. A burst of the queue's
 (cflib over UDP never asks twice; a lost answer would leave it hanging where a real link would not.)
 """
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass
 from typing import Generic, TypeVar

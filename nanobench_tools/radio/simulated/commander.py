@@ -1,7 +1,5 @@
 """Which set-point holds (commander.c): the newest of the highest priority, and how old it is."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...firmware.records import SETPOINT

@@ -1,7 +1,5 @@
 """What the vehicle says in plain text (console.c): packets of at most 30 bytes, at the end of a line at the latest."""
 
-from __future__ import annotations
-
 from ..crtp import MAX_DATA, Packet, Port
 
 

@@ -4,8 +4,6 @@ Every motor turns at full command for ON_MS while the accelerometer is read for 
 sums of squares, as in the firmware. All motors turn for BATTERY_MS for the sag of the battery.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The high-level commander (crtp_commander_high_level.c, planner.c): take-off, landing, go-to, stored paths."""
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Callable

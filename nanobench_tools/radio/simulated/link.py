@@ -1,7 +1,5 @@
 """Link service (crtpservice.c) and platform service (platformservice.c)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from ..crtp import MAX_DATA, Packet, Port

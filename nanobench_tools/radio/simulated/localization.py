@@ -1,7 +1,5 @@
 """Positions and poses from outside, and the emergency stop (crtp_localization_service.c)."""
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Callable, Sequence

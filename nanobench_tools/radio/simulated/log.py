@@ -1,7 +1,5 @@
 """Log variables and blocks (log.c, version 2): a client puts variables into blocks, which are sent every few ms."""
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Callable, Mapping

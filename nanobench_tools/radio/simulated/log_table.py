@@ -4,8 +4,6 @@ Legacy pitch is nose up, ``ctrltarget.yaw`` is a rate, and only the PID writes g
 ``cmd_thrust`` is that of the loop before.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Memory subsystem as far as clients need it to connect and to bring trajectories (crtp_mem.c, mem.c)."""
 
-from __future__ import annotations
-
 from ..crtp import Packet, Port
 
 INFO, READ, WRITE = range(3)

@@ -1,7 +1,5 @@
 """The room's cameras: the true pose of the served vehicle, with noise, at their own rate and later than it was."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass

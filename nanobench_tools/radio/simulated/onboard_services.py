@@ -1,7 +1,5 @@
 """The simulated Crazyflie without a radio: packets in, packets out, on the vehicle's own millisecond tick."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Packets of one kind that vanish or come late in a simulated flight, for tests and studies of ``fly``."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The parameters of the simulated Crazyflie: names, types and defaults of the firmware, kept in the loop's records."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Parameters: table, read, write, and what is kept over a restart (param_task.c, param_logic.c)."""
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Callable, Mapping

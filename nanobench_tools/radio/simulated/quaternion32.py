@@ -1,7 +1,5 @@
 """A unit quaternion in 32 bits (quatcompress.h): which component is largest, and 10 bits for each of the others."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

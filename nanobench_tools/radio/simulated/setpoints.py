@@ -1,7 +1,5 @@
 """Set-points as they come over the radio -> SETPOINT records (crtp_commander_rpyt.c, crtp_commander_generic.c)."""
 
-from __future__ import annotations
-
 import math
 import struct
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Vehicle, radio and motion capture on one clock of the host, without sockets: datagrams in, datagrams out."""
 
-from __future__ import annotations
-
 from ..crtp import Packet, pack, parse
 from .channel import Channel, RadioOptions, repeated
 from .motion_capture import MocapOptions, MotionCapture

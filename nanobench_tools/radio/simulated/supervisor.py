@@ -1,7 +1,5 @@
 """What the vehicle may do (supervisor.c, supervisor_state_machine.c): arming, flying, levelling out, stopping."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum

@@ -1,7 +1,5 @@
 """Tables of contents of parameters and log variables (log.c, param_logic.c; version 2 of their protocol)."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """What the simulated Crazyflie flies: any physics that steps the firmware's 1 kHz loop."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import numpy as np

@@ -7,8 +7,6 @@ gyro's if the gyro's windows move with it (correlation beyond chance). It is the
 estimator.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

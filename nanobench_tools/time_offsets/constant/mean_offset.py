@@ -5,8 +5,6 @@ wander. Where the gyro moves with the track (``moving``), the track's error is r
 first. The remaining lag is the mean, several times sharper. Kept only if the gyro then fits better than before.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

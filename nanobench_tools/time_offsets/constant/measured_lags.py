@@ -3,8 +3,6 @@
 What the delays say about the timestamps is decided in ``readings``.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

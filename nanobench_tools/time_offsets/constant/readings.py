@@ -9,8 +9,6 @@ widened by the possible lag. Cameras do not see motors, requests, setpoints and 
 offset is its mean (``mean_offset``).
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -4,8 +4,6 @@ Forward-backward in the scaled form of Rabiner, "A tutorial on hidden Markov mod
 is banded and may differ from row to row. Cost: rows x states x band.
 """
 
-from __future__ import annotations
-
 import math
 
 import numba as nb

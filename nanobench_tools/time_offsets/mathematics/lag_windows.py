@@ -5,8 +5,6 @@ placebo shows how far such lags scatter without any clock error. It is the same 
 by a quarter period (Hilbert transform). It has the same spectrum, meets the same noise, and a delay leaves it alone.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

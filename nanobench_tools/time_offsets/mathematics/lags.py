@@ -6,8 +6,6 @@ against the reference) or the identity (world frames agree). The delay d maximis
 per short block, so that leaving blocks out (the delete-a-group jackknife) costs nothing.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

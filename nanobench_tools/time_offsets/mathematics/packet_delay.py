@@ -6,8 +6,6 @@ mostly, rises of 0..dt while the radio hangs, falls after it. The shares and sca
 moves the result by far less than its own standard deviation.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...settings import number

@@ -1,7 +1,5 @@
 """How steady a time error is over a flight: its slope, its scatter, and when they are called the clock's."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ An error of time moves a position along the path and never across it, so the err
 that is merely inaccurate errs as much across as along. In the published recordings it is 20 mm along and 1 mm across.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

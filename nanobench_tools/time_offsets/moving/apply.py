@@ -1,7 +1,5 @@
 """The clocks every protocol can be run with: as recorded, constant offset removed, moving error removed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 

@@ -1,8 +1,6 @@
 """Whether a moving time error is believed: by how much likelier it makes the streams that voted, or by a stream that
 did not."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

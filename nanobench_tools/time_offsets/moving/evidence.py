@@ -4,8 +4,6 @@ The motion capture is put on a grid of CELL_S, so that a delay is a shift by cel
 neighbouring errors are (``weight``) are read off its own residual, never set per recording.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

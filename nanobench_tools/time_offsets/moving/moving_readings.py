@@ -1,7 +1,5 @@
 """What the audit says of every stream's clock, the moving error included."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from ...signals.context import Context

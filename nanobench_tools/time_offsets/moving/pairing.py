@@ -4,8 +4,6 @@ The coarse offset aligns the magnitudes of the rotation rates, which depend neit
 time. The fine and the moving part are then those of every other recording (``infer``).
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 

@@ -5,8 +5,6 @@ on the start of time. The fine offset is the one at which a turn about the verti
 includes the delay of the estimate, 6 to 40 ms on seven NanoBench flights whose clocks were known.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -6,8 +6,6 @@ receiver's time. The distance above it is the delay of the link. Source: the low
 Towsley, "Estimation and removal of clock skew from network delay measurements", INFOCOM 1999, a linear program.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import linprog
 

@@ -5,8 +5,6 @@ A position advances by velocity times time. Between two rows of the file the sen
 used. The noise is the part of the increment across the rate, where time cannot act.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """A clock error over time, and a flight with it taken out."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Which streams may set the clock that something is judged by: those that the judged quantity has no part in."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from ...errors import UsageError
