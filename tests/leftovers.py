@@ -5,8 +5,6 @@ running test into the environment. Fixtures end with their test file, so every f
 ended; processes whose parent is gone are found at the end of the run. Needs /proc; other systems are not checked.
 """
 
-from __future__ import annotations
-
 import gc
 import os
 import re

@@ -1,7 +1,5 @@
 """Flights of a vehicle of any number of rotors, flown closed loop by a model itself and logged like a real one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Practice flights that several folders of tests use, flown at once: a crowd costs hardly more than one vehicle."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

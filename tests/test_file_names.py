@@ -1,7 +1,5 @@
 """Every file of the product has a name of its own, so that a concept is found by its word."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Who imports whom: no circle of modules and none of packages, imports inside functions and for types included."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

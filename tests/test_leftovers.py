@@ -1,7 +1,5 @@
 """The check at the end of a run names the test that left something behind, and only that."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

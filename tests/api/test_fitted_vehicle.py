@@ -1,7 +1,5 @@
 """``nb.fit`` and ``nanobench sysid`` give one vehicle; what it predicts and draws; real flights of every kind."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

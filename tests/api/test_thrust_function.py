@@ -1,7 +1,5 @@
 """``nb.thrust``: a formula that is evaluated, its table and its levels, from stands and from flights."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Practice flights flown once for all tests of this folder, and their audits."""
 
-from __future__ import annotations
-
 import pytest
 
 from nanobench_tools.auditing.recording_audit import Audit, audit

@@ -1,7 +1,5 @@
 """Faults of one kind alone: what an audit reports of it, without the work for the other kinds."""
 
-from __future__ import annotations
-
 from nanobench_tools.auditing.faults.kinds import kinds
 from nanobench_tools.flight import Fault, Flight
 from nanobench_tools.signals.context import Context

@@ -1,7 +1,5 @@
 """An estimated angle that turns against the gyro is a fault, also without motion capture."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A vehicle that strikes the ground and bounces: the path turns round in a row, and that is no spike."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Constant offsets of velocity, tilt and accelerometer, with and without motion capture."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

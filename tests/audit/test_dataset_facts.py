@@ -1,7 +1,5 @@
 """The row of a set of recordings in a table of data sets, against recordings that are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

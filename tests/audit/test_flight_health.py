@@ -1,7 +1,5 @@
 """Vibration and battery against signals whose frequency, size and resistance are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A turned frame is one finding, and the stream that is turned as it says is clean."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Inverted quaternions at a heading of half a turn, where the tilt looks right, and those of an estimate alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

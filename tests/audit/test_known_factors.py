@@ -1,7 +1,5 @@
 """A unit that is wrong gets the exact factor of the known units which the flight allows, else an interval."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a tracker writes while it does not see the body is one occlusion, and the rest of the flight stays usable."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Motors against the turning that they cause: their order, a gyro that no attitude judges, and single units."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

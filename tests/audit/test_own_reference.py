@@ -1,7 +1,5 @@
 """Without motion capture the estimated position and attitude judge the other columns, and each other."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """A gyro without motion capture is judged by the estimated attitude, axis by axis."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A path in another unit contradicts gravity: by its tilt, its accelerations, or an axis of millimetres."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scales of motors, rotors and paths: found where no vehicle has them, else listed as unchecked."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

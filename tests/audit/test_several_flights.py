@@ -1,7 +1,5 @@
 """Several flights in one log: every one is a span in the air, and the ground between them is none."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

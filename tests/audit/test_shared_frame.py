@@ -1,7 +1,5 @@
 """Axes that several streams share are one finding with one frame, and streams that are turned as it says are clean."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

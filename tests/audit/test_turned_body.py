@@ -1,7 +1,5 @@
 """Markers that were defined while the vehicle pointed elsewhere turn the tracked body against the gyro."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """An audit names the signs, axes and offsets that no other column of the recording shows."""
 
-from __future__ import annotations
-
 import pytest
 
 from nanobench_tools.auditing.recording_audit import Audit, audit

@@ -1,7 +1,5 @@
 """Velocities of the motion capture and of the estimate in other axes than their positions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -1,7 +1,5 @@
 """A small folder of practice recordings and the command line in process."""
 
-from __future__ import annotations
-
 import pytest
 
 from identification.greybox import ablation_study

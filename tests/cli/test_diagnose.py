@@ -1,7 +1,5 @@
 """``nanobench diagnose`` given recordings and simulators that it cannot judge: a clear answer or one line."""
 
-from __future__ import annotations
-
 import csv
 import json
 import shutil

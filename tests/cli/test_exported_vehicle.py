@@ -1,7 +1,5 @@
 """What ``sysid`` says about the exported vehicle and the model that predicts best: measured figures of both."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import pytest

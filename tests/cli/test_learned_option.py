@@ -1,7 +1,5 @@
 """``control --learned`` needs no value and hands over the flights; the slow tests train and fly."""
 
-from __future__ import annotations
-
 import json
 from types import SimpleNamespace
 

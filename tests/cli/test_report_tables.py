@@ -1,7 +1,5 @@
 """Tables that public bug reports led to, and their neighbours: right, or a question, never silently wrong."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

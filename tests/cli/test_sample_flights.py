@@ -1,7 +1,5 @@
 """The three flights of the package: small, SYNTHETIC, with the promised faults, and writable as files."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

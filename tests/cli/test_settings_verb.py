@@ -1,7 +1,5 @@
 """``nanobench settings``."""
 
-from __future__ import annotations
-
 import json
 import re
 

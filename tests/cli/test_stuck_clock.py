@@ -1,7 +1,5 @@
 """A time column that stands still, or steps once a second: every verb that needs the flight says so in one line."""
 
-from __future__ import annotations
-
 import lzma
 
 import pytest

@@ -1,7 +1,5 @@
 """The air below a simulated vehicle, against momentum, published readings and free fall."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import quad

@@ -1,7 +1,5 @@
 """Commands that README.md, docs/*.md and docs/figures name exist, with the options that stand behind them."""
 
-from __future__ import annotations
-
 import functools
 import importlib
 import re

@@ -1,7 +1,5 @@
 """Tables in README.md and docs/*.md come from stored results; the tool that writes them does what it says."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

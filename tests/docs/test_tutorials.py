@@ -1,7 +1,5 @@
 """Tutorials and gallery: each script runs, and its page has the code and the output of the script."""
 
-from __future__ import annotations
-
 import math
 import re
 

@@ -1,7 +1,5 @@
 """Frames by the names of their axes: worked by hand, and through rotations that know nothing of the names."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

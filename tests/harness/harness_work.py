@@ -1,7 +1,5 @@
 """Small items for the tests of the runner, importable by worker processes; run as a script it is a run to be killed."""
 
-from __future__ import annotations
-
 import os
 import sys
 import time

@@ -1,7 +1,5 @@
 """Fixtures of all tests of identification."""
 
-from __future__ import annotations
-
 import pytest
 
 from nanobench_tools.physics import machine

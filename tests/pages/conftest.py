@@ -1,7 +1,5 @@
 """Hand-made recordings and result files for the report; nothing here is read from elsewhere."""
 
-from __future__ import annotations
-
 import hashlib
 
 import numpy as np

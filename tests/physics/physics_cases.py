@@ -1,7 +1,5 @@
 """Models and random states shared by the tests of physics."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from nanobench_tools.lookup import registry

@@ -1,7 +1,5 @@
 """Generated C, compiled by the system's compiler and called through ctypes, against NumPy."""
 
-from __future__ import annotations
-
 import ctypes
 import shutil
 import subprocess

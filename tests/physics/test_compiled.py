@@ -1,7 +1,5 @@
 """Compiled code against NumPy and against CasADi's own evaluation: models, single operations, shapes, the cache."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What is written for crazyflow, gym-pybullet-drones, C and CasADi, against equations written down once more here."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os

@@ -4,8 +4,6 @@ Tolerances: RotorPy integrates to 1e-12; our Runge-Kutta 4 is what differs, so i
 half the step, down to 1e-9 in every state of half a second of tumbling. What is equal at one point is tested there.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import runpy

@@ -1,7 +1,5 @@
 """Callables of users and adapters along measured states: what they are given, what comes back, and their mistakes."""
 
-from __future__ import annotations
-
 import importlib.util
 
 import numpy as np

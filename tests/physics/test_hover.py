@@ -1,7 +1,5 @@
 """Where models hover and how they turn, against numbers worked out by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The integration: its order, its limits, and what must hold whatever the code: invariances, conserved quantities."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from physics_cases import ALL, CURVE, draw, models, windows

@@ -1,7 +1,5 @@
 """The linear vehicle against transfer functions worked out by hand, and against the nonlinear one."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The flat parameter vector, models made from models, and what a model refuses in Python."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

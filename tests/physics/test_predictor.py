@@ -1,7 +1,5 @@
 """A model as a predictor of Task 1, its windows, and the model against the independent practice vehicle."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from physics_cases import ALL, CURVE, SPEED, models

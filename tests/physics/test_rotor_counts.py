@@ -1,7 +1,5 @@
 """Vehicles of three to eight rotors: every way to evaluate a model gives the same, and files and messages know them."""
 
-from __future__ import annotations
-
 import ctypes
 import subprocess
 

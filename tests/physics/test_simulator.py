@@ -1,7 +1,5 @@
 """simulator.toml: exact both ways, and one line that names file, line and key for everything that is wrong."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Every term against a case worked out beside it, with other means: matrices of SciPy, np.cross, plain formulas."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from physics_cases import ALL, CURVE, PWM_ONLY, SPEED, alone

@@ -1,7 +1,5 @@
 """NumPy and CasADi evaluate the same equations: equal to 1e-12, for every term alone and for all together."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

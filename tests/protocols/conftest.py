@@ -1,7 +1,5 @@
 """Real recordings with audits made when asked for."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Mapping
 

@@ -1,7 +1,5 @@
 """Flights made of formulas, so that every score is known beforehand."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import replace
 

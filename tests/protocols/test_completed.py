@@ -1,7 +1,5 @@
 """What recordings lack and Task 1 needs: added from the poses, or assumed and said."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

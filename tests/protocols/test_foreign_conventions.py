@@ -1,7 +1,5 @@
 """A trajectory of another program in another convention is scored as written, and a sentence names the convention."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -1,7 +1,5 @@
 """A trajectory in another world is scored as in that of the motion capture: no error depends on the frame."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -1,7 +1,5 @@
 """Flights in pairs of equal voltage: who is paired with whom, and the ratio of their errors."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from made_flights import LAND_S, PATH_S, made_flight

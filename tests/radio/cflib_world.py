@@ -1,7 +1,5 @@
 """Waiting for the served vehicle instead of for the machine: what a busy machine makes late is waited for."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

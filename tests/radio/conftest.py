@@ -1,7 +1,5 @@
 """What tests against the unmodified cflib share."""
 
-from __future__ import annotations
-
 import warnings
 
 import pytest

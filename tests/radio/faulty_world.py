@@ -1,7 +1,5 @@
 """A world in which packets of a kind vanish or come late once the vehicle has been in the air for a while."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from controllers.plants.served_vehicle import served

@@ -1,7 +1,5 @@
 """Plans of fleets for tests."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 TWO = """

@@ -1,7 +1,5 @@
 """A vehicle for tests that only ticks: nothing flies, nothing is compiled."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from nanobench_tools.firmware.stabilizer import Stabilizer

@@ -1,7 +1,5 @@
 """A campaign chooses flights by battery voltage; after an interruption no flight is repeated or lost."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from types import SimpleNamespace

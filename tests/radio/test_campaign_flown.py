@@ -1,7 +1,5 @@
 """A campaign on the simulated vehicle, on its own clock, killed in the middle: flown to its end and compared."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 

@@ -1,7 +1,5 @@
 """Through sockets and in real time: the command line against a served vehicle, and what a kill -9 leaves."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time

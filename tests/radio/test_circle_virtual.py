@@ -4,8 +4,6 @@ On the simulation's own clock, so that the numbers are the same on any machine; 
 ``test_circle_sockets.py``, with all controllers and hidden effects ``benchmarks/studies/fly_loop.py``.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import os

@@ -1,7 +1,5 @@
 """Somebody can always stop the motors: a second Ctrl-C, the space bar; and the vehicle is disarmed after every end."""
 
-from __future__ import annotations
-
 import os
 import signal
 import socket

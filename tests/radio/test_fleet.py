@@ -1,7 +1,5 @@
 """Distances in flight and one end for all vehicles of a fleet; only a toy flies."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

@@ -1,7 +1,5 @@
 """Fleets on simulated vehicles that share one clock: flown, and with faults of one that land all."""
 
-from __future__ import annotations
-
 import os
 import signal
 

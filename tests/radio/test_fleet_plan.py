@@ -1,7 +1,5 @@
 """Plans of fleets: their distances, and mistakes in them in one line. No vehicle flies."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from fleet_plans import TWO, fleet

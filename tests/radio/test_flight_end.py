@@ -1,7 +1,5 @@
 """A recording whose link was lost in flight shows whether the vehicle landed or fell; a busy computer is no clock."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

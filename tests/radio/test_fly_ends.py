@@ -1,7 +1,5 @@
 """A flight always ends: whatever hangs, fails or is asked twice, within a stated time and with a reason."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

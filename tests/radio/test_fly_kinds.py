@@ -1,7 +1,5 @@
 """Set-points as full states and velocities, flown by the simulated vehicle; landings that bounce are no crashes."""
 
-from __future__ import annotations
-
 import struct
 
 import numpy as np

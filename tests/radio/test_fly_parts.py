@@ -1,7 +1,5 @@
 """Set-points against cflib's own, plans by finite differences, pilots, the dry run and the command line's refusals."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What a predictive controller sends, put through the firmware's own loops and mixer: the motors do what it planned."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A vehicle that is still starting is waited for, with one line and a limit; on the simulated vehicle's own clock."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

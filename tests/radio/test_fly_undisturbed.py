@@ -1,7 +1,5 @@
 """What a flight asks of the machine while it flies, and what the terminal shows of it."""
 
-from __future__ import annotations
-
 import gc
 import io
 import os

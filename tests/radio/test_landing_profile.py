@@ -1,7 +1,5 @@
 """The landing that ``fly`` commands, flown by the served vehicle's own planner: no bounce, no fall at its end."""
 
-from __future__ import annotations
-
 import struct
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sources of poses: simulated over sockets, the package by a stand-in, a callable; and frames that are wrong."""
 
-from __future__ import annotations
-
 import socket
 import sys
 import time

@@ -1,7 +1,5 @@
 """Motors before take-off: the firmware's test in the simulated vehicle, and what the host makes of its results."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

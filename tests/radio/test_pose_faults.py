@@ -3,8 +3,6 @@
 On the simulated vehicle's own clock, through cflib, at 1 m/s (SYNTHETIC).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

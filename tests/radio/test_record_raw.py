@@ -1,7 +1,5 @@
 """Blocks, raw packets and clocks: hand-made cases, invented links with known delays, files cut anywhere."""
 
-from __future__ import annotations
-
 import struct
 import subprocess
 import sys

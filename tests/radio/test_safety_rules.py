@@ -1,7 +1,5 @@
 """Every rule, by a fault injected into link, motion capture or controller: held, landed, and told why."""
 
-from __future__ import annotations
-
 import os
 import signal
 

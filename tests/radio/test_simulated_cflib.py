@@ -1,7 +1,5 @@
 """The unmodified cflib from PyPI cannot tell the served vehicle from a real one."""
 
-from __future__ import annotations
-
 import socket
 import threading
 import time

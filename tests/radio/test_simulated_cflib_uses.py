@@ -1,7 +1,5 @@
 """What cflib's own examples use beside connecting, logging and the motion commander: each class against the vehicle."""
 
-from __future__ import annotations
-
 import threading
 import warnings
 from contextlib import ExitStack

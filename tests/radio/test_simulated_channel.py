@@ -1,7 +1,5 @@
 """The air between: order, delay, what is lost and what is only later; motion capture on the host's clock."""
 
-from __future__ import annotations
-
 import struct
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The high-level commander: boundary conditions of its polynomials, and its rules."""
 
-from __future__ import annotations
-
 import math
 import struct
 

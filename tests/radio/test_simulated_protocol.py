@@ -1,7 +1,5 @@
 """Services of the simulated Crazyflie against packets packed by hand from the protocol's description."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 

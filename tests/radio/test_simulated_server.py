@@ -1,7 +1,5 @@
 """Sockets: who is the client, who scans, who sees poses; and whatever else comes in."""
 
-from __future__ import annotations
-
 import select
 import socket
 import struct

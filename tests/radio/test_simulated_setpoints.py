@@ -1,7 +1,5 @@
 """Set-points of every type, who wins, and what happens when none comes."""
 
-from __future__ import annotations
-
 import math
 import struct
 

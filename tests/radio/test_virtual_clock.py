@@ -1,7 +1,5 @@
 """The clock of a simulated vehicle waits for the threads of its own link alone, and never for ever."""
 
-from __future__ import annotations
-
 import queue
 import threading
 import time

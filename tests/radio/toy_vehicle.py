@@ -1,7 +1,5 @@
 """A vehicle that does at once what it is told, on a clock of its own: what rules do to a flight, in milliseconds."""
 
-from __future__ import annotations
-
 from collections import deque
 
 import numpy as np

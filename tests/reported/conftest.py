@@ -1,7 +1,5 @@
 """Small files that public bug reports led to, outside of the repository; each folder has the right result beside it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

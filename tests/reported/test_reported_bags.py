@@ -1,7 +1,5 @@
 """Reported bags: the right value of each, as its expect.md states it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

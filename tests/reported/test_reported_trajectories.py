@@ -1,7 +1,5 @@
 """Reported trajectories and logs: the right value of each, as its expect.md states it."""
 
-from __future__ import annotations
-
 import pytest
 
 from nanobench_tools.auditing.audit_verdict import verdict_of

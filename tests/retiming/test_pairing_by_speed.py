@@ -1,7 +1,5 @@
 """Tracked positions without attitude join a log by their speeds."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

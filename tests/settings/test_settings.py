@@ -1,7 +1,5 @@
 """Settings: each entry is complete, and one module uses it once."""
 
-from __future__ import annotations
-
 import ast
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """The table of kept speeds: what is written comes back, and a loss is said on the same kind of machine alone."""
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The check of the wording finds what it must, and passes over what is not prose."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

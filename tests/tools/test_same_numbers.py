@@ -1,7 +1,5 @@
 """The comparison of result folders, by folders that differ in one known place."""
 
-from __future__ import annotations
-
 import json
 import math
 

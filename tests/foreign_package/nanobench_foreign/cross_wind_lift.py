@@ -3,8 +3,6 @@
 It declares what it is and how it acts; all that lists of ours would have to know of it follows.
 """
 
-from __future__ import annotations
-
 from nanobench_tools.physics.term import Parameter, Stage, Term
 
 

@@ -1,7 +1,5 @@
 """A controller: the onboard cascade, led to each setpoint from a little before it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from nanobench_tools.firmware import pid

@@ -1,7 +1,5 @@
 """A source: a first line ``plain log``, then lines of time s, pose m and x y z w, and gyro rad/s, blanks between."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from nanobench_tools.errors import InputError

@@ -5,8 +5,6 @@ Found where its steps change their sign 20 times in a row and are all larger tha
 Size: the mean step, rad/s. Smallest found: 50 rad/s over 20 rows.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from nanobench_tools import Fault, Flight

@@ -1,7 +1,5 @@
 """An estimator: the last two poses given, and on along the line through them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from nanobench_tools.methods import Estimate

@@ -1,7 +1,5 @@
 """Windows flown by a model that is known, instead of by a vehicle."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from identification.greybox.arrays import FitWindows

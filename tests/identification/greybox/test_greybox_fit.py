@@ -1,7 +1,5 @@
 """The estimator: habits of scikit-learn, a model that flies, fits that are no result."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

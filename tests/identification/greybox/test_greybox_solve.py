@@ -1,7 +1,5 @@
 """Fits against what is known: central differences, parameters that made the data, bounds, priors, intervals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,6 @@
 """Corrections of starts, and gains that roll and pitch share: against central differences, a vehicle turned by a
 quarter, and gains that are known."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What class ``past`` sees ends at the start of the window; predictions do not depend on company."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import fields, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Logs of a made vehicle, flown once, and the study of them."""
 
-from __future__ import annotations
-
 import pytest
 from made_logs import MASS, flight, fly
 

@@ -4,8 +4,6 @@ Thrust lags behind its command (up and down apart), a straight law of motor volt
 loop keeps it in the air and a disturbance of the command moves it.
 """
 
-from __future__ import annotations
-
 import struct
 import zlib
 

@@ -1,7 +1,5 @@
 """Rotor speed shows lag and inertia of a made vehicle whose constants are known."""
 
-from __future__ import annotations
-
 import pytest
 from made_logs import INERTIA, MASS, flight, fly
 

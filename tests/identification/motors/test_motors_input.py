@@ -1,7 +1,5 @@
 """What cannot be used is said in one line; what a radio does to a command, by hand."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Public 500 Hz logs with an RPM deck."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

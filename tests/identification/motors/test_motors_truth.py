@@ -1,7 +1,5 @@
 """A made vehicle whose constants are known, simulated by code of its own, is found again."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from made_logs import INERTIA, K_F, K_M, MASS, ROW_S, SLOPE, flight, fly

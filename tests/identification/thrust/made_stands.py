@@ -1,7 +1,5 @@
 """Stand series made from known laws, as files and as rows."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from identification.thrust.stand_series import Stand

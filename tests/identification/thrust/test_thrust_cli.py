@@ -1,7 +1,5 @@
 """The verb: its result file, its page, and one line for whatever cannot be fitted."""
 
-from __future__ import annotations
-
 import json
 import re
 

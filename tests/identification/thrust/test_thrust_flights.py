@@ -1,7 +1,5 @@
 """Fits to flights made from a known law: what is recovered, what a level per flight does, what is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The formula of a map: evaluated as it is written, it gives what the map gives; levels at hover and full command."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

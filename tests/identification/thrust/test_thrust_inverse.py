@@ -1,7 +1,5 @@
 """Thrust to PWM and back, the limit the battery sets, and what is exported."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

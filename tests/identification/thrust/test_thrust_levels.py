@@ -1,7 +1,5 @@
 """Levels of flights: the weight that was carried, the first seconds, intervals that know of sessions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The maps against the firmware's published check values, the motor balance, and CasADi."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

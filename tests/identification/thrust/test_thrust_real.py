@@ -1,7 +1,5 @@
 """The public stand series: what holds on files that were not fitted."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Fits to series with known truth, the choice among maps, intervals, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from made_stands import dc_law, drive, made, text

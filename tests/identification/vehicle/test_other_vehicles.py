@@ -1,8 +1,6 @@
 """Vehicles of other sizes, with or without battery rows, flown by a model: what flights show is right, what they do not
 show is a scaled prior whose interval holds the truth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The trim of a flight is found from the rows before the start, and from nothing else."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

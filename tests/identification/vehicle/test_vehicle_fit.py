@@ -1,7 +1,5 @@
 """The physical vehicle: found again where it is known, the same for every choice of flights, honest about priors."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Priors: what is shipped is whole, what a user gives replaces it, and a mistake is one line that names the place."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
