@@ -56,7 +56,7 @@ def name_topics(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
         draft.unknown.update(dict.fromkeys(every, question))
         return
     try:
-        choice = choose(list(topics), vehicles[0], {}, "")
+        choice = choose(list(topics), vehicles[0], {}, "", moved)
     except InputError as error:
         question = f"{error.found}; which is it? write its columns in the stream"
         draft.questions.append(question)

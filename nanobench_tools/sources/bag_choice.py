@@ -3,9 +3,11 @@ user."""
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 from ..errors import InputError
 from .bag_topics import AUTOPILOT, OTHER_SENSOR, RAW, Role, Topic
@@ -67,13 +69,20 @@ def _siblings(one: str, other: str) -> bool:
     return re.sub(r"\d+", "", one.lower()) == re.sub(r"\d+", "", other.lower())
 
 
-def choose(topics: Sequence[Topic], vehicle: Vehicle, chosen: Mapping[str, str], place: str) -> Choice:
-    """The topics of one vehicle. ``chosen``: stream -> topic, of a column map. InputError that lists the topics where
-    several may be meant."""
+def choose(topics: Sequence[Topic], vehicle: Vehicle, chosen: Mapping[str, str], place: str,
+           moved_m: Mapping[str, float] = MappingProxyType({})) -> Choice:
+    """The topics of one vehicle.
+
+    ``chosen``: stream -> topic, of a column map. ``moved_m``: how far each topic of poses moves. A pose of unknown role
+    that stands still while another moves is a place: a landing pad, a point of take-off.
+    InputError lists the topics where several may be meant.
+    """
     own = [t for t in topics if t.vehicle in vehicle.names and t.kind in KNOWN]
     streams = {stream: _named(name, topics, stream, place) for stream, name in chosen.items()}
     left: list[str] = []
-    poses = [t for t in own if t.kind in POSES]
+    moves = any(moved_m.get(t.name, 0.0) > MOVES_M for t in own if t.kind in POSES)
+    poses = [t for t in own if t.kind in POSES and not (
+        moves and t.role is Role.UNKNOWN and moved_m.get(t.name, math.inf) < MOVES_M)]
     onboard = [t for t in poses if t.role is Role.ESTIMATE and not set(t.words) & AUTOPILOT]
     for role in (Role.TRACKER, Role.FORWARDED, Role.UNKNOWN):
         if "mocap" in streams or (found := _one([t for t in poses if t.role is role], "mocap", place)) is None:
@@ -92,6 +101,8 @@ def choose(topics: Sequence[Topic], vehicle: Vehicle, chosen: Mapping[str, str],
     for stream, candidates in (("estimator", estimates), ("imu", [t for t in own if t.kind == IMU])):
         if stream not in streams and (found := _one(_foremost(candidates), stream, place)) is not None:
             streams[stream] = found
+            if stream == "estimator" and found.role is Role.UNKNOWN:
+                left.append(f"{found.name} is taken for the vehicle's estimate: its name does not show its role")
     for stream, candidates in (("setpoint", [t for t in poses if t.role is Role.SETPOINT and t.kind == POSES[0]]),
                                ("battery", _foremost([t for t in own if t.kind == BATTERY]))):
         if stream in streams or not candidates:

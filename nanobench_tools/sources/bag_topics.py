@@ -15,7 +15,7 @@ _APART = re.compile(r"[^A-Za-z0-9]+")
 WANTED = frozenset("""
     setpoint setpoints sp target targets reference ref desired des goal goals command commands cmd plan
     planned planner waypoint waypoints trajectory path initialpose initial
-    """.split())  # noqa: SIM905
+    """.split()) | {"carrot", "lookahead", "horizon"}  # noqa: SIM905
 """Words of a topic with commanded positions, not measured ones."""
 TRACKED = frozenset("""
     vrpn vicon optitrack natnet mocap qualisys qtm motive motion capture tracker tracking truth

@@ -132,7 +132,8 @@ def _plans(bag: Bag, vehicle: Vehicle, column_map: ColumnMap | None, place: str)
             f"topic {t.name} ({t.kind}) is not read" for t in bag.topics.values()
             if t.name not in column_map.topics and not t.body))
     topics = [t for t in bag.topics.values() if t.name not in bag.listed and t.name not in bag.undefined]
-    choice = choose(topics, vehicle, {} if column_map is None else column_map.chosen, place)
+    choice = choose(topics, vehicle, {} if column_map is None else column_map.chosen, place,
+                    bag.moved_m())
     plans: dict[str, _Plan] = {}
     for stream, topic in choice.streams.items():
         meant = _meant(stream, topic)

@@ -20,6 +20,7 @@ POSE, TRANSFORM, _, ODOMETRY, _ = POSES
     ("/planner/desired_pose", POSE, Role.SETPOINT), ("/move_base_simple/goal", POSE, Role.SETPOINT),
     ("/blackbird/state", POSE, Role.TRACKER),
     ("/cf1/cmd_pose", POSE, Role.SETPOINT), ("/vicon/target/pose", POSE, Role.NONE),
+    ("/carrot/pose", POSE, Role.SETPOINT), ("/mpc/horizon", POSE, Role.SETPOINT),
 ])
 def test_roles(name, kind, role):
     assert Topic(name, kind).role is role
@@ -28,7 +29,7 @@ def test_roles(name, kind, role):
 def streams(*topics, chosen=None, moved=None):
     """label -> {stream: topic}."""
     found = [Topic(*t) for t in topics]
-    return {v.label: {s: t.name for s, t in choose(found, v, chosen or {}, "bag").streams.items()}
+    return {v.label: {s: t.name for s, t in choose(found, v, chosen or {}, "bag", moved or {}).streams.items()}
             for v in vehicles_in(found, moved or {})}
 
 
@@ -53,6 +54,18 @@ def test_two_vehicles_by_namespace_and_by_body():
     bodies = [(f"/{topic}:{body}", kind, body, "world") for body in ("cf1", "cf2")
               for topic, kind in (("poses", POSE), ("tf", TRANSFORM))]
     assert streams(*bodies) == {"cf1": {"mocap": "/poses:cf1"}, "cf2": {"mocap": "/poses:cf2"}}
+
+
+def test_a_place_is_no_estimate():
+    """A pose without a known word is one only if it moves, and the choice states it."""
+    topics = (("/vicon/uav1/pose", POSE), ("/landing_pad/pose", POSE))
+    moved = {"/vicon/uav1/pose": 2.0, "/landing_pad/pose": 0.001}
+    assert streams(*topics, moved=moved) == {"": {"mocap": "/vicon/uav1/pose"}}
+    moved["/landing_pad/pose"] = 2.0
+    assert streams(*topics, moved=moved)[""]["estimator"] == "/landing_pad/pose"
+    found = [Topic(*t) for t in topics]
+    left = choose(found, vehicles_in(found, moved)[0], {}, "bag", moved).left
+    assert any("is taken for the vehicle's estimate" in sentence for sentence in left)
 
 
 def test_furniture_is_no_vehicle():
