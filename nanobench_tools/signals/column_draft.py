@@ -205,6 +205,10 @@ def _time(draft: Draft, table: Table, place: str) -> np.ndarray:
     if TIME not in draft.mapped and is_a_stand([*table.values]):
         raise InputError(place, "the table of a thrust stand, which has no time and needs no map",
                          "nanobench thrust reads it as it is")
+    rising = [c for c, dates in table.dates.items() if float(np.nanmedian(np.diff(dates))) > 0.0]
+    if TIME not in draft.mapped and len(rising) == 1:  # by any name
+        draft.mapped[TIME] = Drafted(rising[0], DATES, "known", "dates")
+        draft.unknown.pop(draft.mapped[TIME].column, None)
     if TIME not in draft.mapped:
         seen = ", ".join(map(repr, table.values))
         also = f"; of text: {', '.join(map(repr, table.texts))}" if table.texts else ""

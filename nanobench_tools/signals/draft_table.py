@@ -108,5 +108,7 @@ def _parquet(data: bytes, place: str) -> Table:
                          "take another copy") from None
     kinds = {name: table.schema.field(name).type for name in table.column_names}
     numbers = {name: table.column(name).to_numpy().astype(float) for name, kind in kinds.items()
-               if pa.types.is_floating(kind) or pa.types.is_integer(kind)}
-    return Table(numbers, {}, [name for name in kinds if name not in numbers], {})
+               if pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_decimal(kind)}
+    dates = {name: 1e-9 * table.column(name).cast(pa.timestamp("ns", tz=kind.tz)).cast(pa.int64()).to_numpy()
+             for name, kind in kinds.items() if pa.types.is_timestamp(kind)}
+    return Table(numbers, dates, [name for name in kinds if name not in {*numbers, *dates}], {})
