@@ -19,7 +19,8 @@ from nanobench_tools.radio.fly.pilot import OnboardPilot
 from nanobench_tools.radio.fly.safety import Limits
 from nanobench_tools.radio.fly.stop_socket import listening, path_of, remove_stale, request_stop
 
-IN_PATH = 107.5
+pytestmark = pytest.mark.usefixtures("short_phases")
+IN_PATH = 105.0
 
 
 def flight(toy: Toy) -> tuple[Flight, Notes]:

@@ -100,8 +100,8 @@ def flown(lie, controller: str = "onboard_pid", speed: float = 1.0, after_s: flo
     return outcome, world
 
 
-def test_frozen_poses_end_the_flight_before_the_vehicle_gets_far():
-    outcome, world = flown(frozen)
+def test_frozen_poses_end_the_flight_before_the_vehicle_gets_far(short_phases):
+    outcome, world = flown(frozen, after_s=4.5)
     assert outcome.stop.rule == "poses"
     assert "the same pose for 0.15 s" in outcome.stop.reason
     assert np.linalg.norm(world.begun_m_s) > 0.8

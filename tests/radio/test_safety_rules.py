@@ -9,25 +9,19 @@ from toy_vehicle import Notes, Toy
 
 from nanobench_tools import so3
 from nanobench_tools.errors import UsageError
-from nanobench_tools.radio.fly import flight_plan, setpoint_packets
+from nanobench_tools.radio.fly import setpoint_packets
 from nanobench_tools.radio.fly.mission import Flight
 from nanobench_tools.radio.fly.pilot import OnboardPilot
 from nanobench_tools.radio.fly.safety import HardFence, Limits, LowBattery, Situation, first_stop, rules
 from nanobench_tools.radio.fly.safety_handover import place_to_hold
 
+pytestmark = pytest.mark.usefixtures("short_phases")
 IN_PATH = 106.5
 
 
 def slow_case(*values: object) -> object:
     """A case that ``make test`` leaves out."""
     return pytest.param(*values, marks=pytest.mark.slow)
-
-
-@pytest.fixture(autouse=True)
-def short_phases(monkeypatch):
-    """The path begins after 4.3 s, not after 6, and is flown at full speed from 4.8 s on."""
-    monkeypatch.setattr(flight_plan, "HOVER_S", 0.3)
-    monkeypatch.setattr(flight_plan, "FADE_S", 0.5)
 
 
 def flown(toy: Toy, pilot=None, limits: Limits | None = None) -> tuple:
