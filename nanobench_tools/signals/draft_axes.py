@@ -15,11 +15,12 @@ from ..settings import number
 from . import column_evidence as evidence
 from .draft import PITCH_ASSUMED, QUATERNION, Draft, Key
 from .flown_axes import UP, tilts_of
-from .quaternion_reading import FITS
+from .quaternion_reading import CLEARLY, FITS
 
 SAME_AXES = number("audit.draft_axes.same_axes")
 OTHER_AXES = number("audit.draft_axes.other_axes")
 FAR_BETTER = number("audit.draft_axes.far_better")
+LEAST_TURN_RAD = number("audit.draft_axes.least_turn_rad")
 SPAN_S = 0.5
 """A displacement over this time contains little noise of the positions."""
 TURN_S = 0.1
@@ -196,16 +197,25 @@ def _angle_signs_by_path(draft: Draft, values: Mapping[str, np.ndarray], angles:
     if path is None:
         return
     follows = {}
-    for roll, pitch in product((1.0, -1.0), repeat=2):
-        turn = Rotation.from_euler("ZYX", angles[:, ::-1] * [1.0, pitch, roll]).as_quat()
+    yaws = {"": angles[:, 2], "clockwise from x": -angles[:, 2],
+            "clockwise from y, as a compass": np.pi / 2 - angles[:, 2]}
+    for reading, roll, pitch in product(yaws, (1.0, -1.0), (1.0, -1.0)):
+        read = np.stack([yaws[reading], pitch * angles[:, 1], roll * angles[:, 0]], axis=1)
+        turn = Rotation.from_euler("ZYX", read).as_quat()
         tilt = tilts_of(step_s * np.arange(len(path)), path, turn).get((UP, UP))
-        follows[roll, pitch] = math.nan if tilt is None else tilt.each
-    best = max(follows, key=lambda signs: np.nan_to_num(follows[signs], nan=-1.0))
+        follows[reading, roll, pitch] = math.nan if tilt is None else tilt.each
+    stored = [signs for signs in follows if not signs[0]]
+    best, any_best = (max(of, key=lambda signs: np.nan_to_num(follows[signs], nan=-1.0)) for of in (stored, follows))
+    turned = float(np.ptp(np.quantile(np.unwrap(angles[:, 2]), (0.05, 0.95))))
+    if any_best[0] and turned > LEAST_TURN_RAD and follows[any_best] > max(FITS, follows[best] + CLEARLY):
+        draft.ask([("attitude", "yaw")], "the vehicle speeds up towards its tilt where the yaw is counted "
+                  f"{any_best[0]}; write it counter-clockwise from x (sign = -1 and offset in rad)")
+        return
     if not follows[best] > FITS:
         return
-    if best == (1.0, 1.0):
+    if best == ("", 1.0, 1.0):
         draft.notes[:] = [n for n in draft.notes if PITCH_ASSUMED not in n]
-    elif best == (1.0, -1.0):
+    elif best == ("", 1.0, -1.0):
         _turn_pitch(draft, "the vehicle speeds up the other way")
     else:
         draft.ask([("attitude", name) for name in ANGLES], "the vehicle speeds up against its tilt: is an angle or a "

@@ -161,7 +161,7 @@ def _angles(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
     tilts = [k for k, key in enumerate(keys) if key[1] != "yaw"]
     tilt = float(np.nanquantile(np.abs(cells[:, tilts]), 0.999)) if tilts else 0.0
     steep = [key for key in still if key[1] == "pitch" and float(np.nanquantile(np.abs(
-        values[draft.mapped[key].column]), 0.99)) > MOST_PITCH_DEG]
+        (values[draft.mapped[key].column] + 180.0) % 360.0 - 180.0), 0.99)) > MOST_PITCH_DEG]
     if steep:
         draft.ask(still, f"{draft.mapped[steep[0]].column} exceeds a right angle in deg: which unit is it? write the "
                   "unit of each, or convert them to deg")
