@@ -60,12 +60,12 @@ def test_a_vehicle_on_the_ground_is_no_reason_to_land():
     assert rule.check(now) == ""
 
 
-def test_one_landing_lands_the_others_and_the_first_reason_counts():
+def test_one_landing_lands_the_others_and_the_first_reason_counts(short_phases):
     toy, notes = Toy(), Notes()
     gathering, traffic = Gathering(("one",), lambda ready: None), Traffic(WALL)
     member = Member("one", 0.0, traffic, gathering)
-    toy.at.append((110.0, lambda: traffic.end("other", Stop("geofence", "x = 3.00 m", 1.0, "path"))))
-    toy.at.append((110.0, lambda: traffic.end("third", Stop("tilt", "80 deg", 1.0, "path"))))
+    toy.at.append((105.0, lambda: traffic.end("other", Stop("geofence", "x = 3.00 m", 1.0, "path"))))
+    toy.at.append((105.0, lambda: traffic.end("third", Stop("tilt", "80 deg", 1.0, "path"))))
     outcome = Flight(toy, toy.track, OnboardPilot("mine", 1), toy.ready(), Limits(), toy, (notes,),
                      company=member).run()
     assert (outcome.stop.rule, outcome.stop.reason) == ("fleet", "other ended: geofence: x = 3.00 m")
@@ -73,11 +73,11 @@ def test_one_landing_lands_the_others_and_the_first_reason_counts():
     assert toy.place[2] < 0.05
 
 
-def test_an_emergency_stop_reaches_a_flight_in_a_thread():
+def test_an_emergency_stop_reaches_a_flight_in_a_thread(short_phases):
     toy, outcomes = Toy(), []
     member = Member("one", 0.0, Traffic(WALL), Gathering(("one",), lambda ready: None))
     flight = Flight(toy, toy.track, OnboardPilot("mine", 1), toy.ready(), Limits(), toy, (), company=member)
-    toy.at.append((110.0, lambda: flight.interrupts.stop("space bar")))
+    toy.at.append((105.0, lambda: flight.interrupts.stop("space bar")))
     thread = threading.Thread(target=lambda: outcomes.append(flight.run()))
     thread.start()
     thread.join()
