@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import tempfile
 import threading
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -42,10 +41,7 @@ def train_together(work: Sequence[Work], jobs: int = 1,
         notes = {one.label: Path(folder) / f"{i}.json" for i, one in enumerate(work)}
         items = [make_item(_one, {"function": one.function, "kwargs": dict(one.kwargs), "note": notes[one.label]},
                            one.label) for one in work]
-        with warnings.catch_warnings(), _watched({one.label: (one.epochs, notes[one.label]) for one in work}, jobs,
-                                                 quiet):
-            # the pool replaces a process that has grown, as they do with JAX; nothing is lost with it
-            warnings.filterwarnings("ignore", "A worker stopped while some jobs were given")
+        with _watched({one.label: (one.epochs, notes[one.label]) for one in work}, jobs, quiet):
             done = run_items(items, None, jobs)
     failed = {one["item"]: one["error"] for one in done.failed}
     return {item.label: Trained.of(done.values[item.key]) for item in items if item.key in done.values}, failed

@@ -6,6 +6,7 @@ import os
 import signal
 import threading
 import time
+import warnings
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
@@ -109,8 +110,9 @@ def _take(jobs: int) -> ProcessPoolExecutor:
 
 @cache
 def _silence_manager() -> None:
-    """Suppress errors of the pool's thread about workers that were just ended. The outcome of an item comes with its
-    future."""
+    """Suppress what the pool's thread says about workers that ended: by this process, or replaced since their memory
+    grew. The outcome of an item comes with its future."""
+    warnings.filterwarnings("ignore", "A worker stopped while some jobs were given")
     shown = threading.excepthook
 
     def show(found: threading.ExceptHookArgs) -> None:
