@@ -15,8 +15,10 @@ from ..space import reduced
 from ..wrench import CHANNELS
 from .background import FORCES, MOMENTS, turning_size
 from .build import Case, rest_of
+from .in_motion import only_in_motion
 from .set_evidence import FAMILIES
-from .sizing import CERTAIN, INSIDE, Refined, on_map, parts_of
+from .sizing import CERTAIN, INSIDE, Refined, nuisance, on_map, parts_of
+from .strained import strained
 from .weighing import Weighing
 
 NAMED = number("posterior.decision.named")
@@ -36,6 +38,9 @@ TWINS: dict[str, tuple[str, ...]] = {"com_offset": ("motor_imbalance",), "mass":
 """Terms that differ in gains of torque only, which no flight shows well enough. In roll and pitch, unequal motors act
 like an offset of the centre of mass, and free flight shows only thrust per mass."""
 LATE = ("motor_lag", "command_delay")
+ALWAYS = ("mass", "thrust_scale")
+"""Terms that act at any speed alike."""
+IN_MOTION = "at rest less than half of it is there"
 BEYOND = "its best size lies on a bound of what such a vehicle can have"
 INCLUDES = "the 95 % interval includes the simulator's value"
 SHOWS = 0.3
@@ -109,11 +114,14 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
         weighing = Weighing(case, judge)
         best, posterior, unsure = _certain_of_size(weighing)
         rejected |= unsure
-        beyond = {case.effects[i].term for i in best if _on_bound(case, i, weighing.sizes(best))}
+        sizes = weighing.sizes(best)
+        beyond = {case.effects[i].term: BEYOND for i in best if _on_bound(case, i, sizes)}
+        beyond |= {term: IN_MOTION for i in best if case.effects[i].term in ALWAYS and only_in_motion(case, sizes, i)
+                   for term in ALWAYS}
         if not beyond:
             break
-        rejected |= dict.fromkeys(beyond, BEYOND)
-        case.give_up(beyond)
+        rejected |= beyond
+        case.give_up(set(beyond))
     discrepancy = unexplained(case, weighing.sizes(best))
     by_term = _by_term(case, posterior)
     kinds = {i: _with_twins(_class_of(weighing, best, i) | _alike(case, weighing.sizes(best), i, discrepancy)
@@ -220,18 +228,7 @@ def _standing(weighing: Weighing, chosen: tuple[int, ...], rejected: dict[str, s
 
 def unexplained(case: Case, found: Refined) -> dict[str, float]:
     """m/s^2 RMS by group of the discrepancy: the part that no effect explains, given a set at its sizes."""
-    return case.evidence.sizes_of(_background(case, found))
-
-
-def _background(case: Case, found: Refined) -> np.ndarray:
-    """(Q,) coefficients of the background, given a set at its sizes."""
-    evidence = case.evidence
-    if found.across is None:
-        return np.asarray(evidence.everything(())[evidence.P:])
-    across = found.across.of(np.ones(len(case.flights), bool))[:case.beside_all.many]
-    moved = (found.step - found.at) * evidence.unit[evidence.columns(found.chosen)]
-    mean = evidence.mean_of(across[:, -1] - across[:, :-1] @ moved, evidence.takes_lift(found.chosen))
-    return np.asarray(mean[evidence.P:])
+    return case.evidence.sizes_of(nuisance(case, found)[case.evidence.P:])
 
 
 def force_of(discrepancy: Mapping[str, float]) -> float:
@@ -247,26 +244,31 @@ def moment_of(discrepancy: Mapping[str, float]) -> float:
 def _overshadowed(case: Case, found: Refined) -> dict[int, str]:
     """{number: reason} of the smallest effect, if it is masked: less than OUTWEIGHS times the unexplained force.
 
-    Such a force could imitate the effect, if it acts along the same axes. Its mean is zero, so it cannot imitate the
-    constant part of an effect. Empty if the unexplained force is too small to matter. Only effects that act more as a
-    force than as a moment are compared.
+    Such a force could imitate the effect, if it acts along the same axes. That of the background has no mean, so it
+    cannot imitate the constant part of an effect; ``strained`` forces can. Empty if the unexplained force is too small
+    to matter. Effects that act more as a moment are compared with the moment of ``strained`` errors.
     """
     mine = np.isin(case.background.group, FORCES)
-    along = ((case.background.force[..., mine] @ _background(case, found)[mine]) ** 2).mean(0)
+    along = ((case.background.force[..., mine] @ nuisance(case, found)[case.evidence.P:][mine]) ** 2).mean(0)
+    pushed, turned = strained(case, found)
+    constant, imitated = (pushed**2).mean(0), turning_size(turned, case.arm)
+    strain = float(np.hypot(np.sqrt(constant.sum()), imitated))
     masked = dict[int, tuple[float, float]]()
     for i, part in parts_of(case, found.chosen, found.step):
         acts = case.effects[i].force @ part
         force = (acts**2).mean(0)
         varies = (force - acts.mean(0) ** 2).sum() / max(force.sum(), 1e-12)
         push, turn = float(np.sqrt(force.sum())), turning_size(case.effects[i].torque @ part, case.arm)
-        left = float(np.sqrt(varies * len(force) * force @ along / max(force.sum(), 1e-12)))
+        left = float(np.sqrt(len(force) * force @ (varies * along + constant) / max(force.sum(), 1e-12)))
         if left >= MATTERS_M_S2 and turn < push < OUTWEIGHS * left:
             masked[i] = push, left
+        elif strain >= MATTERS_M_S2 and push <= turn < OUTWEIGHS * imitated:
+            masked[i] = turn, float(imitated)
     if not masked:
         return {}
     least = min(masked, key=lambda i: masked[i])
     push, left = masked[least]
-    return {least: f"{push:.2g} m/s^2 next to a force of {left:.2g} m/s^2 along the same axes that no effect explains"}
+    return {least: f"{push:.2g} m/s^2 next to {left:.2g} m/s^2 along the same axes that no effect explains"}
 
 
 def _size_of(case: Case, which: int, found: Refined) -> float:

@@ -21,12 +21,16 @@ from ..recordings import Recordings
 from ..space import space_around
 from ..verdict import Verdict, data_faults, improved, not_asked, only_translation
 from ..wrench import Wrench
-from .background import FORCES
+from .background import rms
 from .build import Case, build
 from .decision import MATTERS_M_S2, Decision, Finding, decide, force_of, unexplained
 from .left_by_posterior import left_by_posterior
 from .left_out_flights import Improvement, Predictions, row_of
+from .repeats import Repeat, repeat_of
+from .strained import strained
 
+STRAINED = "strained"
+HALF_SECOND = HORIZONS.index(50)
 LAST = 0.9
 """Confidence where a single flight judged itself."""
 
@@ -50,7 +54,8 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
 
     decision = decide(case, predictions.judge, again)
     improvement = predictions.improvement(decision.found)
-    body = body_of(case, decision, improvement, recordings, floor_of(simulator, recordings.tracks, seed))
+    repeat = repeat_of(case, decision.found)
+    body = body_of(case, decision, improvement, repeat, recordings, floor_of(simulator, recordings.tracks, seed))
     body["elapsed_s"] = time.perf_counter() - start
     return Verdict(body, decision.corrected, partial(left_by_posterior, case, decision, improvement))
 
@@ -75,12 +80,13 @@ def verdict_body(recordings: Recordings, simulator: Model, seed: int = 0) -> dic
     return diagnose(recordings, simulator, seed=seed).to_json()
 
 
-def body_of(case: Case, decision: Decision, improvement: Improvement, recordings: Recordings,
+def body_of(case: Case, decision: Decision, improvement: Improvement, repeat: Repeat, recordings: Recordings,
             floor: np.ndarray) -> dict[str, Any]:
     """verdict.json without what belongs to the file around it."""
-    left = unexplained(case, decision.found)
+    left = unexplained(case, decision.found) | {STRAINED: float(rms(strained(case, decision.found)[0]))}
     findings = [_entry(f, recordings) for f in decision.findings]
-    unknown = _unknown(decision, left, recordings)
+    path_m = float(np.nanmean(improvement.after[:, HALF_SECOND, 0]))
+    unknown = _unknown(decision, left, repeat if repeat.matters(path_m) else None, recordings)
     outcome = "named" if findings else "unknown" if unknown else "data_fault" if recordings.forbidding else "none"
     body: dict[str, Any] = {
         "outcome": outcome, "findings": findings, "unknown": unknown,
@@ -93,8 +99,10 @@ def body_of(case: Case, decision: Decision, improvement: Improvement, recordings
                         "held_out": list(improvement.flights) if improvement.held_out else []},
         "withdrawn": [], "not_named": [{"term": t, "why": w} for t, w in decision.rejected.items()],
         "levels": {}, "not_asked": not_asked(case.wrench),
-        "leaning": dict(decision.leaning), "discrepancy_m_s2": left, "corrected_simulator": None, "elapsed_s": 0.0,
-        "engine": "posterior"}
+        "leaning": dict(decision.leaning), "discrepancy_m_s2": left,
+        "repeats": {"group": repeat.group, "share": repeat.share, "size_m_s2": repeat.size_m_s2,
+                    "taken_m_s2": repeat.taken_m_s2},
+        "corrected_simulator": None, "elapsed_s": 0.0, "engine": "posterior"}
     body["paragraph"] = _paragraph(body, recordings, improvement)
     body["good_for"] = good_for(body["improvement"])
     body["good_for_corrected"] = good_for(body["improvement"], "after") if findings else None
@@ -102,9 +110,11 @@ def body_of(case: Case, decision: Decision, improvement: Improvement, recordings
     return body
 
 
-def _unknown(decision: Decision, left: Mapping[str, float], recordings: Recordings) -> dict[str, Any] | None:
-    """Physics that is there and is not identified: effects of too many kinds, else a force that no effect explains."""
-    flights, size = list(recordings.names), force_of(left)
+def _unknown(decision: Decision, left: Mapping[str, float], repeat: Repeat | None,
+             recordings: Recordings) -> dict[str, Any] | None:
+    """Physics that is there and is not identified: effects of too many kinds, else a force that no effect explains. It
+    counts if it is large, or if it repeats."""
+    flights, size = list(recordings.names), float(np.hypot(force_of(left), left[STRAINED]))
     if decision.left_open:
         axes = dict.fromkeys(axis for f in decision.left_open for axis in f.axes)
         between = [[f.term, *f.equivalent] for f in decision.left_open]
@@ -112,15 +122,18 @@ def _unknown(decision: Decision, left: Mapping[str, float], recordings: Recordin
                 "bound_m_s2": 2.0 * max(f.size_m_s2 for f in decision.left_open), "between": between,
                 "hint": "; ".join(f"{' or '.join(terms)} ({f.size_m_s2:.2f} m/s^2 RMS)"
                                   for terms, f in zip(between, decision.left_open, strict=True))}
-    if size <= MATTERS_M_S2:
+    if size <= MATTERS_M_S2 and repeat is None:
         return None
-    most = max((g for g in left if g in FORCES), key=lambda g: left[g])
-    return {"where": {"axes": ["force"], "kind": most, "flights": flights}, "bound_m_s2": 2.0 * size,
-            "hint": f"a force that goes with {WORDS[most]}, {size:.2f} m/s^2 RMS"}
+    most = repeat.group if repeat else max((g for g in left if g in WORDS), key=lambda g: left[g])
+    hint = f"a force that goes with {WORDS[most]}, {size:.2f} m/s^2 RMS"
+    if repeat:
+        hint += f"; known from other flights, it explains {100.0 * repeat.share:.0f} % of the slow force"
+    return {"where": {"axes": ["force"], "kind": most, "flights": flights}, "bound_m_s2": 2.0 * size, "hint": hint}
 
 
 WORDS = {"place": "the place", "air": "the air velocity", "thrust": "the thrust", "lean": "the direction of lean",
-         "time": "time alone", "late": "the thrust of the seconds before"}
+         "time": "time alone", "late": "the thrust of the seconds before",
+         STRAINED: "effects that it only resembles"}
 
 
 def _entry(finding: Finding, recordings: Recordings) -> dict[str, Any]:

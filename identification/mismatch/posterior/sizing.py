@@ -96,7 +96,7 @@ def _from(case: Case, chosen: tuple[int, ...], start: np.ndarray, slab: np.ndarr
     least = cost(step) if far else 0.0
     for _ in range(STEPS):
         at = step
-        across = case.across(_slopes(case, chosen, at, unit))
+        across = case.across(slopes(case, chosen, at, unit))
         moved, covariance = _solved(case, chosen, across, slab, at * unit)
         step = _inside(case, chosen, moved / unit)
         if (np.abs(step - at) * unit < NEAR * np.sqrt(np.diag(covariance))).all():
@@ -176,7 +176,20 @@ def moved_by(case: Case, chosen: tuple[int, ...], step: np.ndarray) -> Model:
     return model.with_values(np.clip(values, model.lower, model.upper))
 
 
-def _slopes(case: Case, chosen: tuple[int, ...], step: np.ndarray, unit: np.ndarray) -> Seen:
+def nuisance(case: Case, found: Refined, keep: np.ndarray | None = None) -> np.ndarray:
+    """(P + Q,) errors of the terms and coefficients of the background, given a set at its sizes; ``keep`` (F,): on
+    these flights alone."""
+    evidence, keep = case.evidence, np.ones(len(case.flights), bool) if keep is None else keep
+    gram = case.grams.of(keep)
+    right = gram[:-1, -1]
+    if found.across is not None:
+        across = found.across.of(keep)[:case.beside_all.many]
+        moved = (found.step - found.at) * evidence.unit[evidence.columns(found.chosen)]
+        right = across[:, -1] - across[:, :-1] @ moved
+    return evidence.mean_of(right, evidence.takes_lift(found.chosen), gram[:-1, :-1])
+
+
+def slopes(case: Case, chosen: tuple[int, ...], step: np.ndarray, unit: np.ndarray) -> Seen:
     """k + 1 columns: effect of the directions at a step, per m/s^2, and the residual there."""
     wrench = case.wrench
     here = wrench.model(moved_by(case, chosen, step))

@@ -14,26 +14,43 @@ from identification.mismatch.posterior.background import (
 from identification.mismatch.posterior.effects import Effect
 
 
-@pytest.mark.parametrize(("left_m_s2", "sign", "rejected"), [
-    ((0.29, 0.29, 0.29), -1.0, []), ((0.31, 0.31, 0.31), -1.0, []), ((0.34, 0.34, 0.34), -1.0, [0]),
-    ((1.0, 1.0, 1.0), -1.0, [0]), ((0.0, 0.0, 9.0), -1.0, []), ((1.0, 1.0, 1.0), 1.0, [])])
-def test_a_force_is_identified_only_where_it_outweighs_what_no_effect_explains(left_m_s2, sign, rejected):
-    """Pushes of 0.5 and 1.8 m/s^2 along x that change their sign, and a moment, which no force hides: the weaker push
-    goes first. One along z cannot imitate it, nor one without a mean a constant push. Numbers are for a force of that
-    length, equal along all axes; the fifth along z, the last beside constant pushes."""
+def masked(monkeypatch, left_m_s2, sign, strained_force, strained_moment=0.0):
+    """Numbers of the effects that go first. Strained errors push along x, m/s^2, and turn about y, rad/s^2."""
     def effect(term: str, push: float, turn: float) -> Effect:
         force, torque = np.zeros((4, 3, 1)), np.zeros((4, 3, 1))
         force[:, 0, 0], torque[:, 1] = push * np.array([1.0, sign, 1.0, sign]), turn
         return Effect(term, force, torque, {}, np.array([-9.0]), np.array([9.0]))
 
-    evidence = SimpleNamespace(P=3, everything=lambda chosen: np.concatenate(
-        [np.zeros(3), np.array(left_m_s2) / np.sqrt(3.0), [9.0]]))
+    left = np.array([*np.array(left_m_s2) / np.sqrt(3.0), 9.0])
+    monkeypatch.setattr(decision, "strained", lambda case, found: (
+        np.tile([strained_force, 0.0, 0.0], (4, 1)), np.tile([0.0, strained_moment, 0.0], (4, 1))))
+    monkeypatch.setattr(decision, "nuisance", lambda case, found: left)
     background = Background(np.tile(np.eye(3, 4), (4, 1, 1)), np.zeros((0, 3, 4)),
                             np.array(["place", "air", "late", "tilt"]))
     effects = [effect("wind", 0.5, 0.0), effect("mass", 1.8, 0.0), effect("com_offset", 0.0, 9.0)]
-    case = SimpleNamespace(effects=effects, evidence=evidence, background=background, arm=np.full(3, 0.03))
-    found = SimpleNamespace(chosen=(0, 1, 2), step=np.ones(3), across=None)
-    assert list(decision._overshadowed(case, found)) == rejected
+    case = SimpleNamespace(effects=effects, background=background, arm=np.full(3, 0.03),
+                           evidence=SimpleNamespace(P=0))
+    found = SimpleNamespace(chosen=(0, 1, 2), step=np.ones(3))
+    return list(decision._overshadowed(case, found))
+
+
+@pytest.mark.parametrize(("left_m_s2", "sign", "strained_m_s2", "rejected"), [
+    ((0.29, 0.29, 0.29), -1.0, 0.0, []), ((0.31, 0.31, 0.31), -1.0, 0.0, []), ((0.34, 0.34, 0.34), -1.0, 0.0, [0]),
+    ((1.0, 1.0, 1.0), -1.0, 0.0, [0]), ((0.0, 0.0, 9.0), -1.0, 0.0, []), ((1.0, 1.0, 1.0), 1.0, 0.0, []),
+    ((0.0, 0.0, 0.0), 1.0, 0.19, []), ((0.0, 0.0, 0.0), 1.0, 0.20, [0])])
+def test_a_force_is_identified_only_where_it_outweighs_what_no_effect_explains(monkeypatch, left_m_s2, sign,
+                                                                               strained_m_s2, rejected):
+    """Pushes of 0.5 and 1.8 m/s^2 along x that change their sign, and a moment, which no force hides: the weaker push
+    goes first. One along z cannot imitate it, nor one without a mean a constant push. Numbers are for a force of that
+    length, equal along all axes; the fifth along z, the sixth beside constant pushes. The last two are errors of terms
+    that are too large, along x: they imitate constant pushes, too."""
+    assert masked(monkeypatch, left_m_s2, sign, strained_m_s2) == rejected
+
+
+@pytest.mark.parametrize(("moment", "rejected"), [(5.9, []), (9.5, []), (10.1, [2])])
+def test_a_moment_is_identified_only_where_it_outweighs_errors_that_are_too_large(monkeypatch, moment, rejected):
+    """9 rad/s^2 at 3 cm are .27 m/s^2; errors of less than .3 m/s^2 do not matter."""
+    assert masked(monkeypatch, (0.0, 0.0, 0.0), -1.0, 0.0, moment) == rejected
 
 
 @pytest.mark.parametrize(("left_m_s2", "alike"), [(0.1, {}), (0.3, {"frame_tilt": 0.0}), (1.1, {})])

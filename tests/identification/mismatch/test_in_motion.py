@@ -1,0 +1,46 @@
+"""A mass is there at any speed; a force that goes with the speed only looks like one."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from identification.mismatch.posterior import in_motion
+
+RNG = np.random.default_rng(5)
+SPEED = RNG.uniform(0.0, 2.0, 400)
+COLUMN = -9.81 - RNG.normal(size=400)
+
+
+def said(monkeypatch, force, resting=0.0):
+    """What the residual ``force`` (400,) along z says, in noise of one. A speed below ``resting`` was never flown."""
+    flown = resting <= SPEED
+    column, left = COLUMN[flown], force[flown]
+    size = float(column @ left / (column @ column))
+    wrench = SimpleNamespace(
+        force_at="force", torque_at="torque",
+        of=lambda name, at: np.outer(SPEED[flown] if at == "force" else np.zeros(0), [0.6, 0.0, 0.8]))
+    effect = SimpleNamespace(width=1, force=np.stack([0.0 * column, 0.0 * column, column], 1)[..., None],
+                             torque=np.zeros((0, 3, 1)))
+    case = SimpleNamespace(
+        wrench=wrench, effects=[effect], evidence=SimpleNamespace(unit=np.array([2.0]), columns=lambda chosen: [0]),
+        rows=SimpleNamespace(of=lambda force, torque: [force[:, 2]]),
+        across=lambda seen: np.concatenate(seen, axis=1), beside=lambda x, chosen: x.T @ x)
+    monkeypatch.setattr(in_motion, "slopes", lambda case, chosen, step, unit: [
+        np.column_stack([column / unit[0], left - column * step[0]])])
+    found = SimpleNamespace(chosen=(0,), step=np.array([size]), slab=np.array([3.0]))
+    return in_motion.only_in_motion(case, found, 0)
+
+
+@pytest.mark.parametrize(("by_speed", "moving"), [(lambda s: np.ones_like(s), False), (lambda s: s, True),
+                                                  (lambda s: s**2, True), (lambda s: 1.0 + 0.3 * s, False)])
+def test_a_force_that_is_gone_at_rest_is_no_mass(monkeypatch, by_speed, moving):
+    force = 0.1 * COLUMN * by_speed(SPEED) + RNG.normal(size=400)
+    assert said(monkeypatch, force) == moving
+
+
+def test_flights_that_never_rest_show_nothing(monkeypatch):
+    """Between 1.9 and 2 m/s a mass and a force that grows with the speed differ by less than the noise."""
+    assert not said(monkeypatch, 0.1 * COLUMN * SPEED + RNG.normal(size=400), resting=1.9)
