@@ -82,9 +82,13 @@ def shortened(text: str, characters: int = 600) -> str:
 
 
 def again(*more: object) -> list[object]:
-    """The words of this command, and ``more`` behind them."""
+    """The words of this command, and ``more`` behind them: an option, and its value if it takes one. It replaces that
+    option where the command has it."""
     context = click.get_current_context(silent=True)
-    return ["nanobench", *(context.meta.get(WORDS, ()) if context is not None else ()), *more]
+    words = list(context.meta.get(WORDS, ())) if context is not None else []
+    for at in reversed([i for i, word in enumerate(words) if more and str(word).partition("=")[0] == more[0]]):
+        del words[at:at + (1 if "=" in str(words[at]) else len(more))]
+    return ["nanobench", *words, *more]
 
 
 def same(options: Options) -> list[object]:

@@ -6,8 +6,10 @@ import shlex
 import subprocess
 import sys
 
+import click
 import pytest
 
+from nanobench_tools.cli.closing import WORDS, again
 from nanobench_tools.cli.new import KINDS
 
 
@@ -135,3 +137,12 @@ def test_nothing_but_the_result_with_json_or_quiet(nanobench, recordings):
     assert code == 0
     assert json.loads(out)["flights"]
     assert nanobench("audit", recordings, "--jobs", 1, "--quiet")[1] == ""
+
+
+def test_an_option_that_is_there_gets_the_new_value():
+    with click.Context(click.Command("prove")) as context:
+        context.meta[WORDS] = ("prove", "--seed", "5", "--cases=9", "--seed=6", "--out", "proof")
+        assert again("--seed", 7) == ["nanobench", "prove", "--cases=9", "--out", "proof", "--seed", 7]
+        assert again() == ["nanobench", *context.meta[WORDS]]
+        context.meta[WORDS] = ("audit", "--verbose", "flights")
+        assert again("--verbose") == ["nanobench", "audit", "flights", "--verbose"]
