@@ -251,19 +251,19 @@ def _overshadowed(case: Case, found: Refined) -> dict[int, str]:
     mine = np.isin(case.background.group, FORCES)
     along = ((case.background.force[..., mine] @ nuisance(case, found)[case.evidence.P:][mine]) ** 2).mean(0)
     pushed, turned = strained(case, found)
-    constant, imitated = (pushed**2).mean(0), turning_size(turned, case.arm)
+    constant, imitated = (pushed**2).mean(0), float(turning_size(turned, case.arm))
     strain = float(np.hypot(np.sqrt(constant.sum()), imitated))
     masked = dict[int, tuple[float, float]]()
     for i, part in parts_of(case, found.chosen, found.step):
         acts = case.effects[i].force @ part
         force = (acts**2).mean(0)
         varies = (force - acts.mean(0) ** 2).sum() / max(force.sum(), 1e-12)
-        push, turn = float(np.sqrt(force.sum())), turning_size(case.effects[i].torque @ part, case.arm)
+        push, turn = float(np.sqrt(force.sum())), float(turning_size(case.effects[i].torque @ part, case.arm))
         left = float(np.sqrt(len(force) * force @ (varies * along + constant) / max(force.sum(), 1e-12)))
         if left >= MATTERS_M_S2 and turn < push < OUTWEIGHS * left:
             masked[i] = push, left
         elif strain >= MATTERS_M_S2 and push <= turn < OUTWEIGHS * imitated:
-            masked[i] = turn, float(imitated)
+            masked[i] = turn, imitated
     if not masked:
         return {}
     least = min(masked, key=lambda i: masked[i])
