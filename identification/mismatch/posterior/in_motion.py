@@ -5,10 +5,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from nanobench_tools.settings import number
+
 from .build import Case
 from .sizing import Refined, slopes
 
-HALF = 0.5
+LEAST = number("posterior.in_motion.least")
+"""Share of the effect that has to be left at rest."""
 CERTAIN = 1.96
 """Standard deviations."""
 
@@ -33,4 +36,4 @@ def only_in_motion(case: Case, found: Refined, which: int) -> bool:
     covariance = np.linalg.inv(reduced[:-1, :-1] + np.diag(prior**-2.0))
     likely = covariance @ (reduced[:-1, -1] + reduced[:-1, 1:-1] @ size)
     driven, whole = float(likely[0]), float(likely[1 + mine])
-    return driven / whole > HALF and abs(driven) > CERTAIN * float(np.sqrt(covariance[0, 0]))
+    return driven / whole > 1.0 - LEAST and abs(driven) > CERTAIN * float(np.sqrt(covariance[0, 0]))

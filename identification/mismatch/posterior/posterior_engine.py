@@ -85,8 +85,8 @@ def body_of(case: Case, decision: Decision, improvement: Improvement, repeat: Re
     """verdict.json without what belongs to the file around it."""
     left = unexplained(case, decision.found) | {STRAINED: float(rms(strained(case, decision.found)[0]))}
     findings = [_entry(f, recordings) for f in decision.findings]
-    path_m = float(np.nanmean(improvement.after[:, HALF_SECOND, 0]))
-    unknown = _unknown(decision, left, repeat if repeat.matters(path_m) else None, recordings)
+    path_m = row_of(improvement.after, HALF_SECOND)["position_m"]
+    unknown = _unknown(decision, left, repeat if path_m and repeat.matters(path_m) else None, recordings)
     outcome = "named" if findings else "unknown" if unknown else "data_fault" if recordings.forbidding else "none"
     body: dict[str, Any] = {
         "outcome": outcome, "findings": findings, "unknown": unknown,

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from nanobench_tools.settings import number
+
 from .background import FIXED
 from .build import Case
 from .sizing import Refined, nuisance
 
-FAR = 3.0
+FAR = number("posterior.strained.far")
 """Standard deviations."""
 
 
