@@ -187,7 +187,7 @@ GOES_WITH = {"tilt": "tilt of the markers, of each flight", "lift": "thrust, of 
              "trim": "roll and pitch moments at rest, of each flight", "yaw_trim": "yaw moment at rest, of each flight",
              "place": "force by place", "air": "force by air velocity", "thrust": "force by thrust",
              "lean": "force by direction of lean", "time": "force by time alone",
-             "late": "force by thrust of the seconds before", "strained": "force along effects that it only resembles",
+             "late": "force by thrust of the seconds before", "strained": "force that only resembles an effect",
              "turn_place": "roll and pitch moments by place", "turn_air": "roll and pitch moments by air velocity",
              "turn_thrust": "roll and pitch moments by thrust", "turn_late": "moments by thrust of the seconds before",
              "yaw_place": "yaw moment by place", "yaw_air": "yaw moment by air velocity",

@@ -51,7 +51,7 @@ def wrong_paths(context: Context) -> list[WrongUnit]:
         keep = np.isfinite(position).all(axis=1)
         if keep.sum() < FEWEST_ROWS / 10:
             continue
-        alone = "mocap" not in context.once(usable_streams)  # beside a tracker, the comparison finds the exact factor
+        alone = "mocap" not in context.once(usable_streams)  # with a tracker, the comparison finds the exact factor
         if alone and (wide := _wide(name, quantities, stream.time_s[keep], position[keep])) is not None:
             found.append(wide)
             continue

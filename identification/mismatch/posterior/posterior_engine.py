@@ -133,7 +133,7 @@ def _unknown(decision: Decision, left: Mapping[str, float], repeat: Repeat | Non
 
 WORDS = {"place": "the place", "air": "the air velocity", "thrust": "the thrust", "lean": "the direction of lean",
          "time": "time alone", "late": "the thrust of the seconds before",
-         STRAINED: "effects that it only resembles"}
+         STRAINED: "errors of logging, or effects, that it only resembles"}
 
 
 def _entry(finding: Finding, recordings: Recordings) -> dict[str, Any]:

@@ -155,16 +155,15 @@ class Evidence:
     def factor_beside(self, gram: np.ndarray, lifted: bool) -> np.ndarray:
         """Factor of the nuisance columns' ``gram`` (P + Q, P + Q): the error of every term, and the background.
         ``lifted``: ``takes_lift`` of the set."""
-        return _factor(gram, self.deviations(lifted))
+        return _factor(gram, self._deviations(lifted))
 
     def beside(self, factor: np.ndarray, across: np.ndarray, asked: np.ndarray, lifted: bool) -> np.ndarray:
         """(k, k) inner products ``asked`` of further columns, with the nuisance columns integrated out. ``across`` (P +
         Q, k): inner products of nuisance and further columns."""
-        taken = solve_triangular(factor, across * self.deviations(lifted)[:, None], lower=True)
+        taken = solve_triangular(factor, across * self._deviations(lifted)[:, None], lower=True)
         return np.asarray(asked - taken.T @ taken)
 
-    def deviations(self, lifted: bool) -> np.ndarray:
-        """(P + Q,) standard deviations of the nuisance columns. ``lifted``: ``takes_lift`` of the set."""
+    def _deviations(self, lifted: bool) -> np.ndarray:
         amplitudes = {**self.amplitudes, LIFT_OF_ALL: 0.0} if lifted else self.amplitudes
         return np.concatenate([self.spike, [amplitudes.get(g, 1.0) for g in self.background.group.tolist()]])
 
@@ -177,7 +176,7 @@ class Evidence:
     def mean_of(self, right: np.ndarray, lifted: bool, gram: np.ndarray | None = None) -> np.ndarray:
         """(P + Q,) posterior mean of the nuisance columns, given a set. ``right`` (P + Q,): their inner products with
         the residual that the set leaves. ``lifted``: ``takes_lift`` of the set. ``gram``: theirs on some flights."""
-        deviation = self.deviations(lifted)
+        deviation = self._deviations(lifted)
         factor = _factor(self.gram[:-1, :-1] if gram is None else gram, deviation)
         half = solve_triangular(factor, deviation * right, lower=True)
         return np.asarray(deviation * solve_triangular(factor.T, half, lower=False))
