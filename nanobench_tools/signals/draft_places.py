@@ -17,8 +17,8 @@ def judge_places(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndar
     """Units that a path and its rate show, and questions where no vehicle flies so."""
     for stream, names in PATHS:
         _position(draft, stream, names, values, time_s)
-        _speed(draft, stream, values)
-    _acceleration(draft, values)
+        _beyond(draft, stream, ("vx", "vy", "vz"), evidence.FASTEST_M_S, "m/s", values)
+    _beyond(draft, "estimator_acc", ("ax", "ay", "az"), evidence.MOST_M_S2, "m/s^2", values)
     _place_wanted(draft, values)
 
 
@@ -87,21 +87,13 @@ def _stated_too_small(draft: Draft, keys: list[Key], values: Mapping[str, np.nda
                 and span * factor("mm") < evidence.SMALLEST_FLIGHT_M)
 
 
-def _speed(draft: Draft, stream: str, values: Mapping[str, np.ndarray]) -> None:
-    """A velocity that no vehicle has."""
-    keys = draft.columns(stream, ("vx", "vy", "vz"))
-    speed = evidence.size_of(draft.si(keys, values)) if keys else 0.0
-    if speed > evidence.FASTEST_M_S:
-        draft.ask(keys, f"{speed:.4g} m/s or more in a tenth of the rows: no flight; which unit is it? write it at "
-                  "each")
-
-
-def _acceleration(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
-    """An estimated acceleration that no vehicle has."""
-    keys = draft.columns("estimator_acc", ("ax", "ay", "az"))
+def _beyond(draft: Draft, stream: str, names: tuple[str, ...], most: float, unit: str,
+            values: Mapping[str, np.ndarray]) -> None:
+    """A velocity, or an estimated acceleration, that no vehicle has: more than ``most``, in SI."""
+    keys = draft.columns(stream, names)
     size = evidence.size_of(draft.si(keys, values)) if keys else 0.0
-    if size > evidence.MOST_M_S2:
-        draft.ask(keys, f"{size:.4g} m/s^2 or more in a tenth of the rows: no flight; which unit is it? write it at "
+    if size > most:
+        draft.ask(keys, f"{size:.4g} {unit} or more in a tenth of the rows: no flight; which unit is it? write it at "
                   "each")
 
 
