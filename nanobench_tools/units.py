@@ -17,6 +17,9 @@ GRAVITY_M_S2 = 9.81
 PWM_FULL_SCALE = 65535.0
 """Counts of a motor command at full duty (uint16)."""
 
+INCH_M, FOOT_M = 0.0254, 0.3048
+"""Exact by definition."""
+
 POUND_FORCE_N = 4.4482216152605
 """Exact by definition (0.45359237 kg times 9.80665 m/s^2)."""
 
@@ -24,6 +27,7 @@ SI_FACTOR: dict[str, float] = {
     "1": 1.0, "m": 1.0, "m/s": 1.0, "m/s^2": 1.0, "rad": 1.0, "rad/s": 1.0, "V": 1.0, "N": 1.0, "s": 1.0, "kg": 1.0,
     "N m": 1.0, "A": 1.0,
     "mm": 1e-3, "cm": 1e-2, "mm/s": 1e-3, "cm/s": 1e-2, "mm/s^2": 1e-3,
+    "in": INCH_M, "ft": FOOT_M, "in/s": INCH_M, "ft/s": FOOT_M, "km/h": 1.0 / 3.6,
     "g": GRAVITY_M_S2, "mg": 1e-3 * GRAVITY_M_S2,
     "deg": math.pi / 180.0, "deg/s": math.pi / 180.0, "mdeg/s": math.pi / 180e3, "mrad/s": 1e-3, "mrad": 1e-3,
     "mV": 1e-3, "mA": 1e-3, "gram": 1e-3, "gram_force": 1e-3 * GRAVITY_M_S2, "kgf": GRAVITY_M_S2, "lbf": POUND_FORCE_N,

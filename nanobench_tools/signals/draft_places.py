@@ -6,10 +6,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..settings import number
+from ..sources.tum_layout import NORM_TOLERANCE
 from ..units import factor
 from . import column_evidence as evidence
-from .draft import TIME, Draft, Key
+from .draft import QUATERNION, TIME, Draft, Key
+from .flown_axes import unit_by_tilt
 
+TILT_WITHIN = number("audit.draft_places.tilt_within")
+METRIC = ("m", "cm", "mm")
+LENGTHS = (*METRIC, "in", "ft")
+"""Inches and feet are considered where metres are impossible, or the tilt shows the unit."""
 PATHS = (("mocap", ("px", "py", "pz")), ("estimator", ("x", "y", "z")))
 
 
@@ -49,21 +56,25 @@ def _position(draft: Draft, stream: str, names: tuple[str, ...], values: Mapping
     each = evidence.spans(cells)
     moving = each[each > 0.0]
     scaled = each * [factor(draft.mapped[k].unit) for k in keys]
-    factors = {"m": 1.0, "cm": factor("cm"), "mm": factor("mm")}
+    factors = {unit: factor(unit) for unit in METRIC}
     if len(moving) and still:
-        fits = evidence.lengths_that_fit(cells, time_s, factors)
+        shown = _by_tilt(draft, stream, values, time_s) if len(still) == len(keys) == len(names) else []
+        fits = shown or evidence.lengths_that_fit(cells, time_s, factors)
+        if "m" not in fits and not shown:
+            fits = evidence.lengths_that_fit(cells, time_s, {u: factor(u) for u in LENGTHS})
         alone = [evidence.lengths_that_fit(cells[:, [k]], time_s, factors) or list(factors) for k in range(len(keys))]
         if not set.intersection(*map(set, alone)):
             draft.ask(both, "they are not of one size: are they all in one unit? write the unit of each")
         elif len(fits) > 1:
             rates = f" and \"{fits[-1]}/s\"" if fast else ""
-            draft.ask(both, f"{' or '.join(fits)}{', and the same per second' if fast else ''}? both are possible; "
-                      f"write unit = \"{fits[-1]}\"{rates}, or another, at each")
-        elif fits and fits != ["m"]:
-            draft.set_unit(still, fits[0], f"they span {moving.max():.4g}")
+            draft.ask(both, f"{', '.join(fits[:-1])} or {fits[-1]}{', and the same per second' * bool(fast)}? Each is "
+                      f"possible; write unit = \"{fits[-1]}\"{rates}, or another, at each")
+        elif fits and (shown or fits != ["m"]):
+            draft.set_unit(still, fits[0], "the path speeds up as its tilt demands" if shown else
+                           f"they span {moving.max():.4g}")
             if agree:
                 draft.set_unit(fast, f"{fits[0]}/s", "velocity and position agree")
-            elif fast:
+            elif fast and fits != ["m"]:
                 draft.ask(fast, f"the position is in {fits[0]}; is this in {fits[0]}/s? write the unit of each")
         elif not fits and moving.max() > evidence.SMALLEST_FLIGHT_M:
             draft.ask(both, f"no vehicle flies such a path in m, cm or mm with the time in {draft.mapped[TIME].unit}; "
@@ -75,6 +86,20 @@ def _position(draft: Draft, stream: str, names: tuple[str, ...], values: Mapping
         draft.ask([*keys, *speeds] if agree else keys,
                   f"whole mm as {draft.mapped[keys[0]].why} has them, or m? They are no whole numbers and span "
                   f"{moving.max():.3g}; write the unit of each")
+
+
+def _by_tilt(draft: Draft, stream: str, values: Mapping[str, np.ndarray], time_s: np.ndarray) -> list[str]:
+    """The unit in which the accelerations of a path are those of its tilt, as a list; empty where nothing shows it."""
+    turn = draft.columns("mocap" if stream == "mocap" else "attitude_qw", QUATERNION)
+    if len(turn) < len(QUATERNION):
+        return []
+    position, quaternion = (np.stack([values[draft.mapped[k].column] for k in keys], axis=1)
+                            for keys in (draft.columns(stream, dict(PATHS)[stream]), turn))
+    rows = np.isfinite(position).all(axis=1) & (np.abs(np.linalg.norm(quaternion, axis=1) - 1.0) < NORM_TOLERANCE)
+    rows &= np.isfinite(time_s) & (np.diff(time_s, prepend=-np.inf) > 0.0)
+    shown = unit_by_tilt(time_s[rows], position[rows], quaternion[rows]) if rows.any() else None
+    fits = [u for u in LENGTHS if shown and abs(np.log(shown / factor(u))) < np.log(TILT_WITHIN)]
+    return fits if len(fits) == 1 else []
 
 
 def _stated_too_small(draft: Draft, keys: list[Key], values: Mapping[str, np.ndarray]) -> bool:

@@ -172,12 +172,17 @@ def tracker_scales(context: Context) -> tuple[float, ...]:
 
 def _shown_scale(time_s: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> float | None:
     """The unit in which the accelerations of the path are those of its tilt; None where they do not correlate."""
+    shown = unit_by_tilt(time_s, position, quaternion)
+    return None if shown is None else min(SCALES, key=lambda scale: abs(np.log(scale * shown)))
+
+
+def unit_by_tilt(time_s: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> float | None:
+    """Metres per number of a position (n, 3), with which its accelerations are those of its tilt; None where they do
+    not correlate."""
     found = [tilt for places in ORDERS.values() if quaternion.shape[1] == 4
              for tilt in tilts_of(time_s, position, quaternion[:, places]).values()]
     best = max(found, key=lambda tilt: tilt.follows, default=None)
-    if best is None or best.follows < FOLLOWS or not best.slope > 0.0:
-        return None
-    return min(SCALES, key=lambda scale: abs(np.log(scale * best.slope)))
+    return None if best is None or best.follows < FOLLOWS or not best.slope > 0.0 else best.slope
 
 
 def seen_poses(context: Context) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

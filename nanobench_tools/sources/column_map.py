@@ -25,10 +25,10 @@ from .payload import read_file
 SCHEMA = "nanobench-columns/1"
 
 UNITS: dict[str, tuple[str, ...]] = {
-    "m": ("m", "mm", "cm"),
+    "m": ("m", "mm", "cm", "in", "ft"),
     "1": ("1",),
     "rad": ("rad", "deg", "mrad"),
-    "m/s": ("m/s", "mm/s", "cm/s"),
+    "m/s": ("m/s", "mm/s", "cm/s", "in/s", "ft/s", "km/h"),
     "rad/s": ("rad/s", "deg/s", "mrad/s", "mdeg/s", "rpm"),
     "m/s^2": ("m/s^2", "g", "mg", "mm/s^2"),
     "V": ("V", "mV"),

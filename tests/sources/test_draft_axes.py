@@ -159,11 +159,11 @@ def test_a_generic_name_does_not_make_the_unit_of_a_gyro_known(tmp_path, scale, 
 
 
 def test_a_unit_that_is_not_known_is_a_question(tmp_path):
-    (tmp_path / "f.csv").write_text("t,x [ft],y [ft],z [ft],vbat\n" + "".join(
+    (tmp_path / "f.csv").write_text("t,x [yd],y [yd],z [yd],vbat\n" + "".join(
         f"{0.01 * i},{0.1 * i},{0.2 * i},1,{4.0 - 1e-4 * i}\n" for i in range(200)))
     draft = draft_columns(tmp_path / "f.csv")
     assert ("mocap", "px") not in draft.mapped
-    assert "its unit 'ft' is none of m, mm, cm; convert it" in draft.questions[0]
+    assert "its unit 'yd' is none of m, mm, cm, in, ft; convert it" in draft.questions[0]
 
 
 @pytest.mark.parametrize("gyro", [True, False])
