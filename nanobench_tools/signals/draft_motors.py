@@ -18,6 +18,7 @@ from .plausible_ranges import ROTOR_RAD_S
 
 LEAST_COMMAND = number("audit.draft_motors.least_command")
 COUNTS_APART = number("audit.draft_motors.counts_apart")
+SLOW_RPM = number("audit.draft_motors.slow_rpm")
 PULSE_US = setting("audit.draft_motors.pulse_us")
 FORCE_WORDS = frozenset({"thrust", "thrusts", "force", "forces", "collective"})
 
@@ -39,7 +40,10 @@ def judge_motors(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
                 continue
         for key in [k for k in keys if k[1] == "m0"]:
             draft.ask([key], "motors are m1 to m8; which one is it?")
-        keys = draft.open([k for k in keys if k in draft.mapped])
+        keys = [k for k in keys if k in draft.mapped]
+        if _electrical(draft, [k for k in keys if draft.mapped[k].unit == "rpm" and draft.mapped[k].why == "stated"], values):
+            continue
+        keys = draft.open(keys)
         if not keys:
             continue
         if stream == "rpm":
@@ -74,11 +78,10 @@ def judge_motors(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
 def _rotors(draft: Draft, keys: list[Key], values: Mapping[str, np.ndarray]) -> None:
     """The unit of rotor speeds: that of the name, or the only one in which rotors carry a vehicle."""
     if all("rpm" in draft.mapped[k].column.lower() for k in keys):
-        draft.set_unit(keys, "rpm", "the name says so", "known")
+        if not _electrical(draft, keys, values):
+            draft.set_unit(keys, "rpm", "the name says so", "known")
         return
-    cells = np.abs(np.stack([values[draft.mapped[k].column] for k in keys], axis=1))
-    turning = cells[np.isfinite(cells) & (cells > 0.0)]
-    usual = float(np.median(turning)) if len(turning) else 0.0
+    usual = _usual(draft, keys, values)
     fits = [u for u, f in (("rad/s", 1.0), ("rpm", factor("rpm")), ("turns a second", 2.0 * np.pi))
             if ROTOR_RAD_S[0] <= usual * f <= ROTOR_RAD_S[1]]
     if fits == ["rpm"]:
@@ -86,6 +89,25 @@ def _rotors(draft: Draft, keys: list[Key], values: Mapping[str, np.ndarray]) -> 
     else:
         draft.ask(keys, f"a median of {usual:.4g}: {' or '.join(fits) or 'which unit is it'}? write unit = \"rad/s\" "
                   "or \"rpm\" at each")
+
+
+def _usual(draft: Draft, keys: list[Key], values: Mapping[str, np.ndarray]) -> float:
+    """Median size of the numbers of rotors that turn; 0 where none does."""
+    cells = np.abs(np.stack([values[draft.mapped[k].column] for k in keys], axis=1))
+    turning = cells[np.isfinite(cells) & (cells > 0.0)]
+    return float(np.median(turning)) if len(turning) else 0.0
+
+
+def _electrical(draft: Draft, keys: list[Key], values: Mapping[str, np.ndarray]) -> bool:
+    """Asks where numbers called rpm are those of large rotors, or electrical speeds as ESCs report them."""
+    usual = _usual(draft, keys, values) if keys else SLOW_RPM
+    slow, fast = usual < SLOW_RPM, usual * factor("rpm") > ROTOR_RAD_S[1]
+    if slow:
+        draft.ask(keys, f"a median of {usual:.4g}: rpm of large rotors, or eRPM/100 of an ESC? write unit = \"rpm\", or "
+                  "convert them: times 100, divided by the pairs of poles")
+    elif fast:
+        draft.ask(keys, f"a median of {usual:.4g}: no rotor turns so fast. Divide eRPM by the pairs of poles")
+    return slow or fast
 
 
 def _of_a_command(draft: Draft, keys: list[Key], cells: np.ndarray, values: Mapping[str, np.ndarray]) -> str:
@@ -97,8 +119,11 @@ def _of_a_command(draft: Draft, keys: list[Key], cells: np.ndarray, values: Mapp
     path = draft.columns("mocap", ("px", "py", "pz")) or draft.columns("estimator", ("x", "y", "z"))
     if top < LEAST_COMMAND and path and evidence.spans(draft.si(path, values)).max() > evidence.SMALLEST_FLIGHT_M:
         return "no share of full command that lifts a vehicle. Forces in N, or counts? write the unit of each"
-    if not all(set(words_of(draft.mapped[k].column)[0]) & FORCE_WORDS
-               or re.fullmatch(r"(?i)u_?\d", draft.mapped[k].column) for k in keys):
+    if top <= 1.0 and not all(set(words_of(draft.mapped[k].column)[0]) & FORCE_WORDS
+                              or re.fullmatch(r"(?i)u_?\d", draft.mapped[k].column) for k in keys):
+        columns = ", ".join(draft.mapped[k].column for k in keys)
+        if keys[0][0] != "command":
+            draft.notes.append(f"{columns}: shares of full command are assumed; forces in N look alike: check it")
         return ""
     wholly = 'unit = "N"' if keys[0][0] == "command" else "leave them out, since a map reads no force of a rotor"
     return f"shares of full command, or forces in N? Both are possible: write unit = \"1\", or {wholly}"

@@ -17,6 +17,7 @@ _ENDS = re.compile(r"^(.*[^_])_(m_s2|m_s\^2|mm_s2|rad_s|deg_s|dps|m_s|mm_s|ms|us
 _TIME_UNIT = re.compile(r"(?i)(time|timestamp)(us|ms|ns)")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _APART = re.compile(r"[^a-z0-9]+")
+_ELECTRICAL = re.compile(r"(?i)(?<![a-z])(e[ _]?rpm|electric)")
 _VEHICLE = re.compile(r"(cf|uav|drone|quad|robot|agent|mav)\d*")
 
 _WANTED = {"sp", "setpoint", "ref", "reference", "des", "desired", "target", "ctrltarget", "cmd", "command",
@@ -84,6 +85,8 @@ def meaning(column: str) -> tuple[str, str] | str:
         words = [words[-1], *words[:-1]]
     if not words:
         return "it has no name"
+    if _ELECTRICAL.search(column):
+        return "an electrical speed: divide it by the pairs of poles, and multiply eRPM/100 by 100"
     last, before = words[-1], set(words[:-1])
     wanted, estimated = bool(before & _WANTED), bool(before & _ESTIMATED)
     known = _WANTED | _ESTIMATED | _MEASURED | _ACC | _GYRO | _VELOCITY | _TURN | _PLACE | _MOTOR | _SPEED | _BATTERY

@@ -40,8 +40,18 @@ def test_a_collective_up_to_1_is_a_question(tmp_path, names):
     assert drafted(tmp_path, ("throttle",), 0.034 * 9.81).mapped["command", "thrust"] == ("throttle", "1")
 
 
-def test_names_of_motors_are_shares(tmp_path):
-    assert drafted(tmp_path, ("m1", "m2", "m3", "m4"), 0.6).mapped["motor", "m1"] == ("m1", "1")
+def test_names_of_motors_are_assumed_to_be_shares(tmp_path):
+    """The map, the audit and a note say so: nothing shows it."""
+    draft = drafted(tmp_path, ("m1", "m2", "m3", "m4"), 0.6)
+    assert draft.mapped["motor", "m1"] == ("m1", "1")
+    assert draft.status["m1"] == "assumed"
+    assert any("forces in N look alike" in note for note in draft.notes)
+
+
+def test_more_than_full_command_is_a_force(tmp_path):
+    draft = drafted(tmp_path, ("m1", "m2", "m3", "m4"), 0.92)
+    assert ("motor", "m1") not in draft.mapped
+    assert "forces in N" in draft.questions[0]
 
 
 @pytest.mark.parametrize("digits", [6, 9])
