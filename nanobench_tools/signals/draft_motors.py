@@ -41,7 +41,8 @@ def judge_motors(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
         for key in [k for k in keys if k[1] == "m0"]:
             draft.ask([key], "motors are m1 to m8; which one is it?")
         keys = [k for k in keys if k in draft.mapped]
-        if _electrical(draft, [k for k in keys if draft.mapped[k].unit == "rpm" and draft.mapped[k].why == "stated"], values):
+        stated = [k for k in keys if draft.mapped[k].unit == "rpm" and draft.mapped[k].why == "stated"]
+        if _electrical(draft, stated, values):
             continue
         keys = draft.open(keys)
         if not keys:
@@ -103,8 +104,8 @@ def _electrical(draft: Draft, keys: list[Key], values: Mapping[str, np.ndarray])
     usual = _usual(draft, keys, values) if keys else SLOW_RPM
     slow, fast = usual < SLOW_RPM, usual * factor("rpm") > ROTOR_RAD_S[1]
     if slow:
-        draft.ask(keys, f"a median of {usual:.4g}: rpm of large rotors, or eRPM/100 of an ESC? write unit = \"rpm\", or "
-                  "convert them: times 100, divided by the pairs of poles")
+        draft.ask(keys, f"a median of {usual:.4g}: rpm of large rotors, or eRPM/100 of an ESC? If rpm, write unit = "
+                  "\"rpm\". Else multiply by 100 and divide by the pairs of poles")
     elif fast:
         draft.ask(keys, f"a median of {usual:.4g}: no rotor turns so fast. Divide eRPM by the pairs of poles")
     return slow or fast

@@ -58,9 +58,9 @@ def _position(draft: Draft, stream: str, names: tuple[str, ...], values: Mapping
     scaled = each * [factor(draft.mapped[k].unit) for k in keys]
     factors = {unit: factor(unit) for unit in METRIC}
     if len(moving) and still:
-        shown = _by_tilt(draft, stream, values, time_s) if len(still) == len(keys) == len(names) else []
-        fits = shown or evidence.lengths_that_fit(cells, time_s, factors)
-        if "m" not in fits and not shown:
+        by_tilt = _by_tilt(draft, stream, values, time_s) if len(still) == len(keys) == len(names) else []
+        fits = by_tilt or evidence.lengths_that_fit(cells, time_s, factors)
+        if "m" not in fits and not by_tilt:
             fits = evidence.lengths_that_fit(cells, time_s, {u: factor(u) for u in LENGTHS})
         alone = [evidence.lengths_that_fit(cells[:, [k]], time_s, factors) or list(factors) for k in range(len(keys))]
         if not set.intersection(*map(set, alone)):
@@ -69,8 +69,8 @@ def _position(draft: Draft, stream: str, names: tuple[str, ...], values: Mapping
             rates = f" and \"{fits[-1]}/s\"" if fast else ""
             draft.ask(both, f"{', '.join(fits[:-1])} or {fits[-1]}{', and the same per second' * bool(fast)}? Each is "
                       f"possible; write unit = \"{fits[-1]}\"{rates}, or another, at each")
-        elif fits and (shown or fits != ["m"]):
-            draft.set_unit(still, fits[0], "the path speeds up as its tilt demands" if shown else
+        elif fits and (by_tilt or fits != ["m"]):
+            draft.set_unit(still, fits[0], "the path speeds up as its tilt demands" if by_tilt else
                            f"they span {moving.max():.4g}")
             if agree:
                 draft.set_unit(fast, f"{fits[0]}/s", "velocity and position agree")

@@ -17,6 +17,7 @@ from .draft import QUATERNION, Draft, Key
 from .draft_motors import judge_motors
 from .draft_places import judge_places
 from .quaternion_reading import Samples, reading_of
+from .tumbling import gyro_scale
 
 VECTORS: tuple[tuple[str, tuple[str, ...]], ...] = tuple(
     (stream, names) for stream, names in (
@@ -269,7 +270,7 @@ def _gyro(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarray) ->
                 draft.set_unit(keys, fits[0], "it turns as fast as the attitude")
             _frd(draft, found, values)
             return
-    if _accelerates(draft, keys, values, time_s, factors):
+    if _accelerates(draft, keys, values, time_s, factors) or _tumbles(draft, keys, values, time_s, factors):
         return
     fits = evidence.rates_that_fit(cells, factors)
     if draft.open(keys):
@@ -284,6 +285,25 @@ def _gyro(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarray) ->
             draft.set_unit(keys, fits[0], f"it reaches {np.nanmax(np.abs(cells)):.3g}")
     elif float(np.nanquantile(np.abs(cells), 0.999)) * factor(unit) > 2.0 * evidence.FASTEST_RAD_S:
         draft.ask(keys, f"in {unit} it reaches more than any gyro measures; which unit is it?")
+
+
+def _tumbles(draft: Draft, keys: list[Key], values: Mapping[str, np.ndarray], time_s: np.ndarray,
+             factors: Mapping[str, float]) -> bool:
+    """Whether the specific force shows that the gyro is in another unit; sets an assumed one, or asks."""
+    force = draft.columns("imu", ("acc_x", "acc_y", "acc_z"))
+    if len(keys) < 3 or len(force) < 3:
+        return False
+    found = gyro_scale(time_s, draft.si(keys, values), draft.si(force, values))
+    if found is None:
+        return False
+    unit = draft.mapped[keys[0]].unit
+    fits = [u for u, f in factors.items() if abs(np.log(found.factor * f / factor(unit))) < np.log(COUNTS_WITHIN)]
+    why = f"in {unit} the vehicle would {'turn head over heels' if found.factor > 1.0 else 'hardly turn'}"
+    if fits and len(draft.open(keys)) == len(keys):
+        draft.set_unit(keys, fits[0], why)
+    else:
+        draft.ask(keys, f"{why}{found.reading}; write the unit of each")
+    return True
 
 
 def _accelerates(draft: Draft, keys: list[Key], values: Mapping[str, np.ndarray], time_s: np.ndarray,

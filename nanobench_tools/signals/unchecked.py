@@ -58,7 +58,9 @@ def _scales(context: Context) -> list[str]:
         force is not None and bool(np.isfinite(force.ratio[:2]).any()))
     if name in streams and not shown:
         found[name] = [*(q for q in place if q in streams[name]), "t"]
-    return [f"scale of {', '.join(quantities)} ({name})" for name, quantities in found.items()]
+    if "imu" in streams and not {("imu", q) for q in GYRO} & _shown(context):
+        found["imu"] = [q for q in GYRO if q in streams["imu"]]
+    return [f"scale of {', '.join(quantities)} ({name})" for name, quantities in found.items() if quantities]
 
 
 def _shown(context: Context) -> set[tuple[str, str]]:

@@ -5,7 +5,8 @@ cells, motor commands and rotor speeds against those of flights. Also commands b
 a tracked position wider than a room. Path and tilt: a path that accelerates by another factor than its tilt gives,
 since lengths or times are in another unit (``signals.path_sizes``). Comparison:
 the amplitude of rates, angles, velocities and positions in the air against the motion capture
-(``signals.axis_unit_matching``). It needs a correlation of the two of more than 0.4. When estimator and setpoint are
+(``signals.axis_unit_matching``). It needs a correlation of the two of more than 0.4. Without motion capture the
+accelerometer judges the gyro (``signals.tumbling``). When estimator and setpoint are
 both off by the same factor, the motion capture is.
 
 Size: the factor. Smallest found: 3 (or 1/3); true ones are 0.4-1.3 in the real flights (motion capture noise, clock),
@@ -20,6 +21,7 @@ from ...signals.own_reference import contradictions
 from ...signals.own_turning import own_turning
 from ...signals.plausible_ranges import FACTOR
 from ...signals.stream_frames import IMU
+from ...signals.tumbling import tumbling
 from ...signals.unit_sign_errors import wrong_units
 from ...signals.usable_rows import whole_span
 from .kind import FaultKind
@@ -46,14 +48,20 @@ def find(flight: Flight, context: Context) -> list[Fault]:
             faults.append(over_stream(KIND, flight, c.stream, c.quantities, c.factor, "1", c.evidence, FACTOR))
     reported = {column for fault in faults for column in fault.columns}
     own = context.once(own_turning)
-    turns = [("imu", IMU[0][axis], "the estimated attitude", named) for axis, named in own.scaled] if own else []
-    turns += [("attitude", m.angle, m.gyro, m.scaled) for m in context.once(angle_matches)
-              if m.scaled and "attitude" in flight and m.gyro not in {gyro for _, gyro, *_ in turns}]
-    for stream, quantity, other, named in turns if "t" not in reported else ():
+    by_attitude = [("imu", IMU[0][axis], "the estimated attitude", named) for axis, named in own.scaled] if own else []
+    by_attitude += [("attitude", m.angle, m.gyro, m.scaled) for m in context.once(angle_matches)
+                    if m.scaled and "attitude" in flight and m.gyro not in {gyro for _, gyro, *_ in by_attitude}]
+    for stream, quantity, other, named in by_attitude if "t" not in reported else ():
         fault = over_stream(KIND, flight, stream, (quantity,), named.factor, "1",
                             f"{quantity} of {stream} turns {named.words} times as fast as {other}{named.reading}; one "
                             "of them is in another unit", FACTOR)
         faults += [fault] if not reported & set(fault.columns) else []
+    turned = context.once(tumbling)
+    if turned is not None and not {f.stream for f in faults} & {"", "imu"}:
+        turns = "turn over" if turned.factor > 1.0 else "hardly turn"
+        faults.append(over_stream(KIND, flight, "imu", IMU[0], turned.factor, "1",
+                                  f"by the gyro the vehicle would {turns}, and by the specific force it flies"
+                                  f"{turned.reading}", FACTOR))
     pushed = context.once(motor_turning)
     if pushed is not None and pushed.scaled is not None and not any(f.stream == "imu" for f in faults):
         faults.append(over_stream(KIND, flight, "imu", IMU[0][:2], pushed.scaled.factor, "1",
