@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import spearmanr
 
-from identification.mismatch.steady.weigh import LOADS
+from identification.mismatch.steady.known import LOADS
 from nanobench_tools.results.result import Result
 
 from .condition_labels import NORMAL, Label

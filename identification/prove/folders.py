@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from identification.mismatch.steady.comparison import compare, normal_flights
+from identification.mismatch.steady.known import NOTHING, Known
 from identification.mismatch.steady.trim_inputs import body_of, renamed, trim_item, trims_in
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight
@@ -38,23 +39,23 @@ class Judged:
 
 
 def folder_item(flights: Values, normal: Values, simulator: Model | None, mass_kg: float | None, least: int,
-                same_day: bool = False, nothing_added: bool = False) -> Verdict:
+                known: Known = NOTHING) -> Verdict:
     """The verdict on ``flights`` against ``normal``."""
     usual, usual_swings, lost = trims_in(normal)
-    body = body_of(usual, mass_kg, simulator, nothing_added)
+    body = body_of(usual, mass_kg, simulator, known)
     trims, swings, left_out = trims_in(flights)
-    known = normal_flights(usual, body, same_day)
-    verdict = compare(trims, known, body, left_out=left_out, swings=(swings, usual_swings), least=least)
+    verdict = compare(trims, normal_flights(usual, body, known), body, left_out=left_out,
+                      swings=(swings, usual_swings), least=least)
     return {**verdict, "normal_without_trim": lost}
 
 
 def judge(folders: Mapping[str, Sequence[Flight]], normal: Sequence[Flight], run: Run, seed: int,
           simulator: Model | None = None, mass_kg: float | None = None,
-          copies: Mapping[str, str] | None = None, same_day: bool = False, nothing_added: bool = False) -> Judged:
+          copies: Mapping[str, str] | None = None, known: Known = NOTHING) -> Judged:
     """Verdicts on every folder and on every normal flight.
 
     - copies {flight: why}: recordings that are left out.
-    - same_day, nothing_added: known facts about all folders."""
+    - known: of all folders."""
     every = [*normal, *(f for flights in folders.values() for f in flights)]
     values = _values(every, run, copies or {})
     usual = {f"normal_{k}": renamed(values[f.name], f"normal_{k}") for k, f in enumerate(normal) if f.name in values}
@@ -62,7 +63,6 @@ def judge(folders: Mapping[str, Sequence[Flight]], normal: Sequence[Flight], run
         reasons = "; ".join(dict.fromkeys(str(v.get("why")) for v in usual.values() if "why" in v))
         raise InputError("normal flights", f"{sum('trim' in v for v in usual.values())} of {len(normal)} have a trim"
                          + (f" ({reasons})" if reasons else ""), "two are needed: one has no spread")
-    told = {"same_day": same_day, "nothing_added": nothing_added}
     rng = np.random.default_rng([seed, 211])
     names = list(folders)
     order = [names[i] for i in rng.permutation(len(names))]
@@ -73,14 +73,14 @@ def judge(folders: Mapping[str, Sequence[Flight]], normal: Sequence[Flight], run
             f"normal_{j}": f.name for j, f in enumerate(normal)}
         items[name] = make_item(folder_item, {
             "flights": {n: renamed(v, n) for n, v in given.items()}, "normal": usual, "simulator": simulator,
-            "mass_kg": mass_kg, "least": 2, **told}, f"diagnose case {k}", file=f"case {k}")
+            "mass_kg": mass_kg, "least": 2, "known": known}, f"diagnose case {k}", file=f"case {k}")
     alarms = {}
     with_trim = [n for n, v in usual.items() if "trim" in v]
     if len(with_trim) > 2:
         for n in with_trim:
             alarms[n] = make_item(folder_item, {
                 "flights": {n: usual[n]}, "normal": {o: v for o, v in usual.items() if o != n}, "simulator": simulator,
-                "mass_kg": mass_kg, "least": 1, **told}, f"diagnose {n}", file=n)
+                "mass_kg": mass_kg, "least": 1, "known": known}, f"diagnose {n}", file=n)
     found = run([*items.values(), *alarms.values()], "diagnose").values
     own = {f"normal_{j}": f.name for j, f in enumerate(normal)}
     return Judged({name: _named(found[items[name].key], back[name]) for name in names if items[name].key in found},

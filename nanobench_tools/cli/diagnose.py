@@ -24,6 +24,7 @@ from ..steps.options import Options
 from ..steps.show import data_word
 from ..tables.result_table import Table as Grid
 from .closing import again, close, shortened, shown_page
+from .known_options import Known, knows
 from .shared_options import PATH, shared_options
 
 if TYPE_CHECKING:
@@ -57,11 +58,7 @@ CODE = "simulators_corrected"
               help="Normal flights of the same vehicle: reports what changed since, from the steady trim of the "
                    "motors alone. For logs without full attitude or gyro. With --simulator FILE, which gives the "
                    "positions of the motors. May repeat.")
-@click.option("--same-day", is_flag=True,
-              help="The flights of --normal were flown on the same day, with the same motors and propellers. Smaller "
-                   "changes are then detected (from one day to another a motor may move by 10 %).")
-@click.option("--nothing-added", is_flag=True,
-              help="With --normal: nothing was put onto the vehicle or hung from it since.")
+@knows("--normal")
 @click.option("--engine", type=click.Choice(ENGINES), default=None, show_default=f"{ENGINES[0]}; rules with --refit",
               help="What decides: the probability of every set of up to three effects, or the older rules. "
                    "docs/mismatch.md compares them.")
@@ -73,7 +70,7 @@ CODE = "simulators_corrected"
                    "in turn. The corrected simulator uses the refit only where it predicts these better (seldom; see "
                    "docs).")
 def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...], mass_kg: float,
-             normal: tuple[Path, ...], same_day: bool, nothing_added: bool, engine: str | None, bound: bool,
+             normal: tuple[Path, ...], known: Known, engine: str | None, bound: bool,
              refit: bool) -> int:
     """Where is my simulator wrong? Locates, names and models what it leaves out, and proves it on unseen flights.
 
@@ -104,9 +101,9 @@ def diagnose(options: Options, simulator: str | None, simulated: tuple[Path, ...
         if bound or refit:
             raise UsageError(f"diagnose: --{'bound' if bound else 'refit'} predicts paths, which --normal does not; "
                              "give --simulator WHAT")
-        return _against_normal(options, simulator, simulated, mass_kg, normal, same_day, nothing_added)
-    if same_day or nothing_added:
-        raise UsageError(f"diagnose: --{'same-day' if same_day else 'nothing-added'} goes with --normal DIR")
+        return _against_normal(options, simulator, simulated, mass_kg, normal, known)
+    if known.options:
+        raise UsageError(f"diagnose: {known.options[0]} goes with --normal DIR")
     if refit and engine == "posterior":
         raise UsageError("diagnose: --refit needs --engine rules: the posterior weighs predictions anyway")
     engine = engine or ("rules" if refit else ENGINES[0])
@@ -178,7 +175,7 @@ def _refitted(options: Options, verdict: Verdict) -> tuple[Verdict, dict[str, An
 
 
 def _against_normal(options: Options, simulator: str | None, simulated: Sequence[Path], mass_kg: float,
-                    normal: Sequence[Path], same_day: bool, nothing_added: bool) -> int:
+                    normal: Sequence[Path], known: Known) -> int:
     from .diagnose_normal import diagnose_normal
 
     if simulated or (simulator is not None and not names_a_file(simulator)):
@@ -186,7 +183,7 @@ def _against_normal(options: Options, simulator: str | None, simulated: Sequence
     source = click.get_current_context().get_parameter_source("mass_kg")
     given = source is not None and source.name != "DEFAULT"
     return diagnose_normal(options, normal, None if simulator is None else Path(simulator), mass_kg if given else None,
-                           same_day, nothing_added)
+                           known)
 
 
 def _from_trim(options: Options, model: Model) -> int | None:

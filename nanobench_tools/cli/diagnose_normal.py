@@ -15,6 +15,8 @@ from .closing import again, close, shortened, shown_page
 from .real_folders import copies_between
 
 if TYPE_CHECKING:
+    from identification.mismatch.steady.known import Known
+
     from ..flight import Flight
     from ..physics import Model
 
@@ -22,7 +24,7 @@ NORMAL_SIMULATOR, CORRECTED = "simulator_normal.toml", "simulator_corrected.toml
 
 
 def diagnose_normal(options: Options, normal: Sequence[Path], simulator: Path | None, mass_kg: float | None,
-                    same_day: bool = False, nothing_added: bool = False) -> int:
+                    knowledge: Known) -> int:
     """The verdict on ``--data`` against the recordings of ``normal``."""
     from identification.mismatch.steady.comparison import compare, normal_flights
     from identification.mismatch.steady.trim_inputs import body_of, trims_in
@@ -47,8 +49,8 @@ def diagnose_normal(options: Options, normal: Sequence[Path], simulator: Path | 
         reasons = "; ".join(f"{name}: {why}" for name, why in lost.items())
         raise InputError("--normal", f"{len(usual_trims)} of {len(known)} flights have a trim"
                          + (f" ({reasons})" if reasons else ""), "two are needed: one has no spread")
-    body = body_of(usual_trims, mass_kg, model, nothing_added)
-    reference = normal_flights(usual_trims, body, same_day)
+    body = body_of(usual_trims, mass_kg, model, knowledge)
+    reference = normal_flights(usual_trims, body, knowledge)
     trims, swings, left_out = trims_in(_values(options, flights, copies))
     verdict = compare(trims, reference, body, left_out=left_out, swings=(swings, usual_swings))
     believed = simulator_of(reference.normal, body)

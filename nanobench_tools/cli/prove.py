@@ -16,6 +16,7 @@ from ..steps.options import Options, one_line
 from ..steps.show import data_word
 from ..tables.result_table import Table as Grid
 from .closing import again, close, shown_page
+from .known_options import Known, knows
 from .prove_corrupted import DEFAULT_PLACES
 from .prove_corrupted import corrupted as wrong_simulators
 from .prove_shipped import shipped as shipped_wrong
@@ -77,13 +78,11 @@ FLYING = ("practice", "rotorpy", "both")
 @click.option("--normal", metavar="FOLDER", help="The normal folder of --real, or a folder elsewhere. Default: normal.")
 @click.option("--simulator", type=PATH, metavar="FILE", help="simulator.toml of the vehicle of --real: where its "
                                                              "motors sit, and its mass.")
-@click.option("--same-day", is_flag=True, help="With --real: all folders are of the day of the normal flights.")
-@click.option("--nothing-added", is_flag=True, help="With --real: nothing was put onto the vehicle in any folder.")
+@knows("--real")
 def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: str | None, diagnosed_by: str | None,
           concealed: str | None, corrupted: str | None, shipped: str | None, names: tuple[str, ...],
           vehicles: tuple[str, ...], left_out: tuple[str, ...], groups: int | None, mass_kg: float | None,
-          real: Path | None, labels: Path | None, normal: str | None, simulator: Path | None, same_day: bool,
-          nothing_added: bool) -> int:
+          real: Path | None, labels: Path | None, normal: str | None, simulator: Path | None, known: Known) -> int:
     """Blind proof of "nanobench diagnose": is what it names there, and does it say so when it does not know?
 
     --corrupted diagnoses real flights against simulators with a wrong belief, whose right value is known.
@@ -130,11 +129,11 @@ def prove(options: Options, cases: int | None, kinds: tuple[str, ...], engine: s
         if diagnosed_by is not None:
             raise UsageError("--diagnosed-by does not go with --real: the steady trim has one method")
         return options.finish("prove", to_json(_real(options, real, labels, normal, simulator, mass_kg,
-                                                       same_day, nothing_added)))
+                                                       known)))
     if labels is not None or normal is not None or simulator is not None:
         raise UsageError("--labels, --normal and --simulator belong to --real DIR")
-    if same_day or nothing_added:
-        raise UsageError(f"--{'same-day' if same_day else 'nothing-added'} belongs to --real DIR")
+    if known.options:
+        raise UsageError(f"{known.options[0]} belongs to --real DIR")
     check_installed()
     if concealed is None:
         return options.finish("prove", {**to_json(_blind(
@@ -188,7 +187,7 @@ def _concealed(options: Options, n: int, place: str, mass_kg: float, diagnosed_b
 
 
 def _real(options: Options, place: Path, labels: Path, normal: str | None, simulator: Path | None,
-          mass_kg: float | None, same_day: bool, nothing_added: bool) -> FolderProof:
+          mass_kg: float | None, known: Known) -> FolderProof:
     """Folders diagnosed against the normal one; the labels are opened when all verdicts are there."""
     from identification.mismatch.steady.trim_page import write_steady_page
     from identification.prove.condition_labels import read_labels
@@ -206,9 +205,8 @@ def _real(options: Options, place: Path, labels: Path, normal: str | None, simul
         raise InputError(f"--real {place}", "no normal flight could be read", "--normal names the folder")
     everything = {NORMAL: usual, **groups} if NORMAL not in groups else {"normal flights": usual, **groups}
     copies = copies_between(everything, find_copies([f for flights in everything.values() for f in flights]))
-    judged = judge(groups, usual, options.run, options.seed, model, mass_kg, copies, same_day, nothing_added)
-    known = read_labels(labels)
-    found = score_folders(judged, known, elsewhere)
+    judged = judge(groups, usual, options.run, options.seed, model, mass_kg, copies, known)
+    found = score_folders(judged, read_labels(labels), elsewhere)
     show_folders(options, found)
     screen: list[Grid | str] = [] if options.verbose else [
         Grid.plain(f"Folders diagnosed blind, {data_word(options)} data", HEADS[:5], [row[:5] for row in rows(found)]),

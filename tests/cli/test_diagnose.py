@@ -177,7 +177,7 @@ def test_a_simulator_that_is_not_there_is_one_line(nanobench, recordings, given,
     assert err.count("\n") == 1
 
 
-@pytest.mark.parametrize("option", ["--same-day", "--nothing-added"])
+@pytest.mark.parametrize("option", ["--same-day", "--nothing-added", "--same-vehicle"])
 def test_what_is_known_of_normal_flights_goes_with_them(nanobench, recordings, option):
     for verb in (("diagnose", "--data", recordings, "--simulator", "x.toml"), ("prove", "--cases", "1")):
         code, _, err = nanobench(*verb, option)

@@ -21,13 +21,15 @@ from nanobench_tools.physics.pendulum import lengths_m
 from nanobench_tools.settings import number
 
 from .causes import CAUSES, Body, Hypothesis
+from .causes.cause import Sizes
+from .known import LOADS, NOTHING, Known
 from .periodic import RESOLUTION_HZ, Swing, spectra, swing_of, where_to
 from .ruled_out import against
 from .smallest_swing import smallest_swing
 from .trim import Trim
 from .trim_proof import SURE, class_of, held_out, smallest
-from .trim_words import paragraph, unknown_of
-from .weigh import LOADS, NONE, Normal, Weighed, normal_of, quantiles, weigh
+from .trim_words import ALL, paragraph, unknown_of
+from .weigh import NONE, Normal, Weighed, normal_of, quantiles, weigh
 
 TURNED = number("mismatch.comparison.turned")
 YAW = np.array([-1.0, 1.0, -1.0, 1.0]) / 2.0
@@ -50,9 +52,8 @@ class Flights:
     odd: Mapping[str, str]
 
 
-def normal_flights(trims: Sequence[Trim], body: Body, same_day: bool = False) -> Flights:
-    """Normal flights that agree with each other. same_day: the examined flights are from the same day, with the same
-    motors and propellers. InputError for fewer than FEWEST."""
+def normal_flights(trims: Sequence[Trim], body: Body, known: Known = NOTHING) -> Flights:
+    """Normal flights that agree with each other. InputError for fewer than FEWEST."""
     if len(trims) < FEWEST:
         raise InputError("normal flights", f"{len(trims)} with a trim", f"{FEWEST} are needed: one has no spread")
     odd = _foreign(trims, Counter(t.commands for t in trims).most_common(1)[0][0])
@@ -61,14 +62,15 @@ def normal_flights(trims: Sequence[Trim], body: Body, same_day: bool = False) ->
         raise InputError("normal flights", f"{len(kept)} of {len(trims)} log the same motor commands",
                          f"{FEWEST} are needed: one has no spread")
     while len(kept) > FEWEST + 1:
-        against_rest = [weigh([t], normal_of([o for o in kept if o is not t], same_day), body).of(NONE) for t in kept]
+        against_rest = [weigh([t], normal_of([o for o in kept if o is not t], known.same_day), body).of(NONE)
+                        for t in kept]
         worst = int(np.argmin(against_rest))
         if against_rest[worst] >= ODD:
             break
         odd[kept[worst].name] = (f"stands apart from the other normal flights (probability that nothing changed "
                                  f"{against_rest[worst]:.2f})")
         del kept[worst]
-    return Flights(normal_of(kept, same_day), tuple(kept), odd)
+    return Flights(normal_of(kept, known.same_day), tuple(kept), odd)
 
 
 def compare(trims: Sequence[Trim], flights: Flights, body: Body, *, left_out: Mapping[str, str] | None = None,
@@ -156,11 +158,12 @@ def _body(outcome: str, text: str, findings: list[dict[str, Any]], unknown: Any,
 def _findings(found: Weighed, normal: Normal, body: Body) -> list[dict[str, Any]]:
     """The cause that is sure, or those that are sure together (``class_of``)."""
     turned = abs(YAW @ found.delta["gains"]) > TURNED * found.sd["gains"]
-    named = class_of(found, LOADS - {"mass"} if turned else ())
+    every, found = found, found.without(LOADS - {"mass"}) if turned else found
+    named = class_of(found)
     causes, best = set(named), named[0] if named else max(CAUSES, key=found.of)
     if not normal.n and np.isnan(normal.mean["level"]).all() and causes & {"propeller", "tape"}:
         causes |= {"vehicle"}  # a simulator of unknown mounting may be of another one
-    elif not causes or ("vehicle" in causes and not _askew(found, normal)):
+    elif not causes or (causes == {"vehicle"} and not _askew(found, normal)):
         return []
     together = found.of(*causes)
     motors, h, weights = _best(found, best)
@@ -169,12 +172,12 @@ def _findings(found: Weighed, normal: Normal, body: Body) -> list[dict[str, Any]
     cause = CAUSES[best]
     if best == "slung" and body.swing is not None:
         sizes |= _pendulum(body.swing, sizes["mass"][0] / 1e3 / body.mass_kg)
-    sentence = cause.say({k: v[:3] for k, v in sizes.items()}, motors)
+    sentence = _sentence(found, normal, best, {k: v[:3] for k, v in sizes.items()}, motors)
     twins = sorted(causes - {best})
     if best == "slung" and body.swing is not None:
         sentence += f", {where_to(body.swing)}"
     for twin in twins:
-        sentence += f"; or, as likely as {found.of(twin):.2f}, {_said(found, twin, body)}"
+        sentence += f"; or, as likely as {found.of(twin):.2f}, {_said(found, normal, twin, body)}"
     return [{"term": cause.term, "equivalent": sorted({t for c in twins if (t := CAUSES[c].term)} - {cause.term}),
              "cause": best if not twins else None, "causes": [best, *twins],
              "confidence": min(together, SUREST),
@@ -185,16 +188,23 @@ def _findings(found: Weighed, normal: Normal, body: Body) -> list[dict[str, Any]
                             for name, v in sizes.items()},
              "residual_share": _share(found, h, weights), "sentence": sentence,
              "members": [_member(found, name) for name in [best, *twins]],
-             "ruled_out": against(found, best, causes),
+             "ruled_out": against(every, best, causes),
              "settle_with": _settle(causes)}]
 
 
-def _said(found: Weighed, cause: str, body: Body) -> str:
+def _said(found: Weighed, normal: Normal, cause: str, body: Body) -> str:
     """Explanation for the reader if the cause were ``cause``."""
     motors, h, weights = _best(found, cause)
     sizes = {s.name: quantiles(s.values, weights) for s in h.sizes} if h is not None else {}
-    sentence = CAUSES[cause].say(sizes, motors or _nearest(h, weights, body))
+    sentence = _sentence(found, normal, cause, sizes, motors or _nearest(h, weights, body))
     return sentence[0].lower() + sentence[1:]
+
+
+def _sentence(found: Weighed, normal: Normal, cause: str, sizes: Sizes, motors: Sequence[int]) -> str:
+    """A cause in words. With the angle between thrust and sensors unchanged, another vehicle is only motors that all
+    changed."""
+    changed = cause == "vehicle" and not _askew(found, normal)
+    return ALL[0].upper() + ALL[1:] if changed else CAUSES[cause].say(sizes, motors)
 
 
 def _causes(found: Weighed) -> list[dict[str, Any]]:
@@ -283,6 +293,8 @@ def _settle(causes: set[str]) -> str | None:
         ways.append("a sideways step higher than a string could be long: only a load on a string swings")
     if "battery" in causes:
         ways.append("flights at another state of charge")
+    if len(causes) > 1 and "vehicle" in causes:
+        ways.append("--same-vehicle, if you know that")
     if len(causes) > 1 and causes & {"propeller", "tape"}:
         ways.append("a look at the propellers; --nothing-added, if you know that; normal flights of the same day "
                     "(--same-day)")

@@ -14,10 +14,10 @@ from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.units import GRAVITY_M_S2
 
 from .causes import Body
+from .known import NOTHING, Known
 from .periodic import Swing, swing_in
 from .reconstruct import states_of
 from .trim import Trim, runs_of, trim_of
-from .weigh import LOADS
 
 
 def trim_item(flight: Flight) -> dict[str, Any]:
@@ -45,17 +45,15 @@ def trims_in(values: Mapping[str, Mapping[str, Any]]) -> tuple[list[Trim], list[
 
 
 def body_of(normal: Sequence[Trim], mass_kg: float | None = None, simulator: Model | None = None,
-            nothing_added: bool = False) -> Body:
+            known: Known = NOTHING) -> Body:
     """The vehicle of the simulator, if there is one; otherwise a Crazyflie. Its mass is then the one that its normal
-    flights carried by the firmware's thrust curve. ``nothing_added``: the user states that nothing was added to the
-    vehicle."""
-    absent = LOADS if nothing_added else frozenset()
+    flights carried by the firmware's thrust curve."""
     vehicle = simulator.vehicle if simulator is not None else Vehicle()
     motors = np.array(vehicle.motor_positions_m, float)
     if mass_kg is None and simulator is not None:
         mass_kg = vehicle.mass_kg
     if mass_kg is not None:
-        return Body(motors, mass_kg, absent=absent)
+        return Body(motors, mass_kg, absent=known.absent)
     lifts = [np.exp(t.gains).sum() / GRAVITY_M_S2 for t in normal if t.known_lift]
     mass = float(np.mean(lifts)) if lifts else Vehicle().mass_kg
-    return Body(motors, mass, absent=absent)
+    return Body(motors, mass, absent=known.absent)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,15 +17,14 @@ SURE = number("mismatch.trim_proof.sure")
 ALIKE = number("mismatch.trim_proof.alike")
 
 
-def class_of(found: Weighed, known_not: Collection[str] = ()) -> list[str]:
+def class_of(found: Weighed) -> list[str]:
     """The identified causes, most probable first: all that explain the change about as well as the best (ALIKE), if
-    their sum is SURE. None if they include no change, or another vehicle with others.
+    their sum is SURE. None if they include no change.
 
     Two neighbouring propellers and a load between them need the same thrusts. A load that does not swing is a weight. A
-    weight in the middle is another mass. One trim shows that it was one of these causes, but not which. known_not:
-    causes excluded by other information.
+    weight in the middle is another mass. One trim shows that it was one of these causes, but not which.
     """
-    chances = {name: p for name, p in found.by_cause().items() if name not in known_not}
+    chances = found.by_cause()
     best: dict[str, float] = {}
     for h, log_likelihood in zip(found.hypotheses, found.log_likelihood, strict=True):
         name = NONE if h is None else h.cause
@@ -35,7 +34,7 @@ def class_of(found: Weighed, known_not: Collection[str] = ()) -> list[str]:
     alike |= {general for n in alike - {NONE} if (general := CAUSES[n].special_of) in chances and general in best}
     named = sorted(alike, key=lambda name: -chances[name])
     sure = sum(chances[n] for n in named) >= SURE
-    return named if sure and NONE not in named and ("vehicle" not in named or len(named) == 1) else []
+    return named if sure and NONE not in named else []
 
 
 def smallest(normal: Normal, sd: Mapping[str, float], body: Body) -> dict[str, dict[str, Any]]:

@@ -9,8 +9,9 @@ their degrees of freedom. A hypothesis with more freedom spreads its prior thinn
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 from scipy.special import logsumexp
@@ -23,8 +24,6 @@ from .trim import Trim
 
 PRIOR = setting("mismatch.weigh.prior")
 SAME_DAY_SD = number("mismatch.weigh.same_day_sd")
-LOADS = frozenset({"weight", "slung", "mass"})
-"""Causes that are excluded if nothing was added to the vehicle."""
 SWINGS_BY_CHANCE = number("mismatch.weigh.swings_by_chance")
 GROUPS = tuple(PRIOR)
 NONE = "none"
@@ -63,6 +62,13 @@ class Weighed:
 
     def by_cause(self) -> dict[str, float]:
         return {name: self.of(name) for name in (*CAUSES, NONE)}
+
+    def without(self, causes: Collection[str]) -> Weighed:
+        """The same if other information excludes some causes."""
+        keep = [h is None or h.cause not in causes for h in self.hypotheses]
+        left = self.probability[keep]
+        return replace(self, hypotheses=tuple(compress(self.hypotheses, keep)), probability=left / left.sum(),
+                       log_likelihood=self.log_likelihood[keep], weights=tuple(compress(self.weights, keep)))
 
 
 def normal_of(trims: Sequence[Trim], same_day: bool = False) -> Normal:

@@ -13,11 +13,12 @@ from scipy import stats
 from identification.mismatch.steady.causes import CAUSES, Body
 from identification.mismatch.steady.causes.weight import loads
 from identification.mismatch.steady.comparison import Flights, compare, normal_flights
+from identification.mismatch.steady.known import LOADS, Known
 from identification.mismatch.steady.periodic import Swing, frequencies
 from identification.mismatch.steady.trim import Trim
 from identification.mismatch.steady.trim_page import write_steady_page
 from identification.mismatch.steady.trim_simulator import believed_by, corrected, simulator_of
-from identification.mismatch.steady.weigh import LOADS, normal_of, quantiles, weigh
+from identification.mismatch.steady.weigh import normal_of, quantiles, weigh
 from nanobench_tools.errors import InputError
 from nanobench_tools.physics import Model
 
@@ -168,6 +169,23 @@ def test_what_the_user_knows_settles_it():
     assert not {"weight", "slung", "mass"} & {c["cause"] for c in verdict["causes"]}
 
 
+def test_several_motors_that_changed_may_be_two_propellers_and_a_third_motor():
+    """Two cuts, and a third motor that is another one since: no single cause, but a class that holds the two cuts. With
+    one vehicle for sure, the cuts are left."""
+    change = loss(1, 0.23) + loss(2, 0.18) + loss(3, 0.10)
+    verdict = compare(some(3, 5, change), normal_flights(normals(3), BODY), BODY)
+    (finding,) = verdict["findings"]
+    assert {"vehicle", "propeller"} <= set(finding["causes"])
+    assert sum(m["posterior"] for m in finding["members"]) == pytest.approx(finding["confidence"], abs=0.02)
+    assert next(m["motors"] for m in finding["members"] if m["cause"] == "propeller") == [1, 2]
+    assert "Several motors" in finding["sentence"] or "several motors" in finding["sentence"]
+    assert "--same-vehicle" in finding["settle_with"]
+    told = replace(BODY, absent=Known(same_vehicle=True).absent)
+    (finding,) = compare(some(3, 5, change), normal_flights(normals(3), told), told)["findings"]
+    assert "propeller" in finding["causes"]
+    assert "vehicle" not in finding["causes"]
+
+
 def test_a_load_turns_nothing_about_z():
     """Lift and pitch of a weight, and a yaw balance that no load changes."""
     verdict = compare(some(3, 2, load(5.0, -25.0, 25.0) + 0.1 * np.array([-1.0, 1.0, -1.0, 1.0])),
@@ -178,7 +196,7 @@ def test_a_load_turns_nothing_about_z():
 def test_normal_flights_of_the_same_day_show_less():
     """Three quiet normal flights: the spread from day to day is believed, unless they are of the day."""
     quiet = some(3, 1, together=0.0)
-    power = {day: compare(some(3, 5), normal_flights(quiet, BODY, day), BODY)["power"]["propeller"]
+    power = {day: compare(some(3, 5), normal_flights(quiet, BODY, Known(same_day=day)), BODY)["power"]["propeller"]
              for day in (False, True)}
     assert power[True]["minimum_detectable"] < power[False]["minimum_detectable"]
 
