@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..errors import InputError
-from ..flight import Flight, Provenance, make_stream
+from ..flight import Assumption, Flight, Provenance, make_stream
 from ..settings import count, number, setting
 from ..units import factor
 from .axes import frame_of, in_our_axes
@@ -74,7 +74,7 @@ class MocapExport:
     """Source ``mocap_export``: one stream, ``mocap``."""
 
     name = "mocap_export"
-    version = 2
+    version = 3
 
     def recognises(self, path: Path, head: bytes) -> bool:
         return program_of(head) != ""
@@ -115,7 +115,15 @@ class MocapExport:
         notes = (f"an export of {export.program}, body {export.bodies[0]}", *([export.note] if export.note else []),
                  *([other] if frame != export.frame else []))
         return Flight(path.name, {"mocap": made}, {"family": None, "speed": None, "reference_speed_m_s": None},
-                      Provenance(place, "", self.name, notes=notes), epoch_s=float(stamps[0]))
+                      Provenance(place, "", self.name, notes=notes, assumptions=_assumed(export)),
+                      epoch_s=float(stamps[0]))
+
+
+def _assumed(export: Export) -> tuple[Assumption, ...]:
+    """The order and the signs of Euler angles, which are a setting of the program."""
+    return (Assumption("mocap", ", ".join(EULER["XYZ".index(a)] for a in export.order),
+                       "deg about axes of the body in this order, signs by the right hand",
+                       "a setting of the program that no line of the file states"),) * (export.turn == "euler")
 
 
 def program_of(head: bytes) -> str:

@@ -51,3 +51,13 @@ def test_angles_whose_axes_no_name_states_are_left_out(tmp_path):
     flight = read(tmp_path, ("Alpha", "Beta", "Gamma"), np.zeros((len(flown()[0]), 3)))
     assert "qx" not in flight["mocap"]
     assert any("Alpha, Beta, Gamma are not read" in note for note in flight.provenance.notes)
+
+
+def test_the_audit_repeats_what_the_file_does_not_state(tmp_path):
+    """Order and signs of the angles are a setting of the program; a rotation matrix has none."""
+    turn = flown()[4]
+    flight = read(tmp_path, ("Roll", "Pitch", "Yaw"), turn.as_euler("XYZ", degrees=True))
+    (assumed,) = flight.provenance.assumptions
+    assert (assumed.stream, assumed.column) == ("mocap", "Roll, Pitch, Yaw")
+    columns = turn.as_matrix().swapaxes(1, 2).reshape(-1, 9)
+    assert read(tmp_path, [f"Rot[{k}]" for k in range(9)], columns).provenance.assumptions == ()

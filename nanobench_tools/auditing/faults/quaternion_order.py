@@ -10,6 +10,9 @@ correlate with the acceleration of the path, and the turning with the gyro, by 0
 it is less by 0.1 or more, in both where both are known. The gyro alone decides only if no other axes of the IMU explain
 it.
 
+The path also shows an attitude that was made from Euler angles in another order or with other signs
+(``signals.euler_reading``).
+
 Size: mean cosine of the tilt as read. Smallest found: any.
 """
 
@@ -17,6 +20,7 @@ from dataclasses import replace
 
 from ...flight import Fault, Flight
 from ...signals.context import Context
+from ...signals.euler_reading import euler_reading
 from ...signals.quaternion_lengths import STREAMS
 from ...signals.quaternion_reading import AS_STORED
 from ...signals.quaternions import quaternion_orders
@@ -55,6 +59,12 @@ def find(flight: Flight, context: Context) -> list[Fault]:
                                   f"the quaternions of mocap are {INVERTED.meaning}: {INVERTED.change}{SINCE}"
                                   f"gyro and estimate turn against them about z alone "
                                   f"({blamed.correlation[2]:+.2f}), near a heading of 180 deg"))
+    euler = context.once(euler_reading) if not any(f.stream == "mocap" for f in faults) else None
+    if euler is not None:
+        faults.append(over_stream(KIND, flight, "mocap", STREAMS["mocap"], euler.stored, "1",
+                                  "the attitude of mocap was made from other Euler angles: "
+                                  f"{euler.change}, or export matrices{SINCE}tilt and acceleration then "
+                                  f"correlate {euler.follows:+.2f} ({euler.stored:+.2f} as stored)"))
     return faults
 
 
