@@ -35,11 +35,15 @@ class EulerReading:
 
 
 def euler_reading(context: Context) -> EulerReading | None:
-    """None where the attitude fits, where another explanation does, and where no order and no sign explains it."""
-    usual = context.once(tilts)["x, y, z, w"].get((UP, UP))
+    """None where the attitude fits in any axes, or with a path that is turned or mirrored. None, too, where no order
+    and no sign explains it."""
+    as_read = context.once(tilts)["x, y, z, w"]
+    usual = as_read.get((UP, UP))
     order = context.once(quaternion_orders).get("mocap")
-    if usual is None or usual.follows > FITS or (order is not None and not order.reading.as_stored) \
-            or context.once(wrong_heading) is not None or context.once(mirrored) is not None:
+    if usual is None or usual.follows > FITS or any(t.flies for axes, t in as_read.items() if axes != (UP, UP)):
+        return None
+    if (order is not None and not order.reading.as_stored) or context.once(wrong_heading) is not None \
+            or context.once(mirrored) is not None:
         return None
     time_s, position, quaternion = context.once(seen_poses)
     best = EulerReading("", max(SHOWN, usual.follows + CLEARLY), usual.follows)
