@@ -17,12 +17,16 @@ from ..sources.cells import read_grid, read_text_columns
 from ..sources.column_names import meaning
 from ..sources.dates import looks_like_dates, seconds_of_dates
 from ..sources.dialect import normalise_text
-from ..sources.header import find_header, is_number
+from ..sources.discover import sources
+from ..sources.header import NO_NAMES, find_header, is_number
 from ..sources.mocap_export import program_of
-from ..sources.payload import read_file, unpack
+from ..sources.payload import HEAD_BYTES, read_file, unpack
 from ..sources.table import PARQUET_MAGIC
 from .draft import TIME
 
+WITHOUT_NAMES = {"rosbag": "write a map of its topics: docs/recordings.md",
+                 "tum": "for a map, write names above its rows: t x y z qx qy qz qw"}
+"""Source -> how to get a map where its files name no columns."""
 SAMPLE = 1 << 20
 """Bytes of a table that are searched for thousands separators."""
 MARKS = ",.' \N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}"
@@ -46,11 +50,17 @@ def read_table(path: Path) -> Table:
     data = unpack(read_file(path), place).data
     if data.startswith(PARQUET_MAGIC):
         return _parquet(data, place)
-    if b"\x00" in data and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise InputError(place, "is no table of text", "give a CSV or Parquet file")
     if program := program_of(data):
         raise InputError(place, f"an export of {program}, which needs no map", "nanobench audit reads it as it is")
-    header = find_header(normalise_text(data[: 1 << 16]))
+    binary = b"\x00" in data and not data.startswith((b"\xff\xfe", b"\xfe\xff"))
+    header = None if binary else find_header(normalise_text(data[: 1 << 16]))
+    if header is None or (header.names and not any(c.isalpha() for c in "".join(header.names))):
+        if source := next((n for n, s in sources().items() if s.recognises(path, data[:HEAD_BYTES])), ""):
+            raise InputError(place, f"a recording of the source {source}, which nanobench audit reads as it is",
+                             WITHOUT_NAMES.get(source, "convert it to a table (nanobench convert) for a map"))
+        if header is None:
+            raise InputError(place, "is no table of text", "give a CSV or Parquet file")
+        raise InputError(place, *NO_NAMES)
     if _one_variable_a_row(header.names):
         raise InputError(place, "long format: one variable per row, a name and its value",
                          "pivot it to one column per variable, for example pandas.DataFrame.pivot")

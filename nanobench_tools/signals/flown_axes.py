@@ -15,7 +15,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from .. import so3
 from ..settings import number, setting
-from ..units import GRAVITY_M_S2
+from ..units import FOOT_M, GRAVITY_M_S2, INCH_M
 from .column_evidence import MOST_M_S2, pull_of
 from .context import Context
 from .held_poses import POSITION, ROTATION, held_poses
@@ -29,7 +29,7 @@ NAMES = {(axis, sign): ("" if sign > 0 else "-") + "xyz"[axis] for axis, sign in
 ORDERS = {"x, y, z, w": (0, 1, 2, 3), "w, x, y, z": (1, 2, 3, 0)}
 """Order in which the elements of a quaternion are stored -> where x, y, z, w are found."""
 
-SCALES = {1.0: "metres", 100.0: "centimetres", 1000.0: "millimetres"}
+SCALES = {1.0: "metres", 1.0 / FOOT_M: "feet", 1.0 / INCH_M: "inches", 100.0: "centimetres", 1000.0: "millimetres"}
 """Values per metre, and their unit."""
 ROOM_M = number("audit.flown_axes.room_m")
 SLOWEST_M_S2 = number("audit.flown_axes.slowest_m_s2")
@@ -147,7 +147,7 @@ def ground_axes_of(time_s: np.ndarray, position: np.ndarray) -> dict[Axis, float
 
 
 def tracker_scale(context: Context) -> float:
-    """Values of the tracked position per metre: 1, 100 or 1000; the largest where several are possible."""
+    """Values of the tracked position per metre, one of ``SCALES``; the largest where several are possible."""
     return context.once(tracker_scales)[-1]
 
 

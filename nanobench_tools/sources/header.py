@@ -145,6 +145,10 @@ def header_of(head: bytes) -> tuple[list[str], Dialect]:
     return found.names, found.dialect
 
 
+NO_NAMES = ("no header: its first line holds numbers, not the names of columns",
+            "write a line of names above the rows, such as t,x,y,z,qx,qy,qz,qw in the order of the file")
+
+
 @dataclass(frozen=True)
 class Opened:
     """A table cut at its header.
@@ -170,8 +174,7 @@ def open_table(data: bytes, place: str) -> Opened:
         raise InputError(place, "no header line with column names" if data.strip() else "the file is empty",
                          "give a table with a header")
     if 2 * sum(map(is_number, named)) > len(named):
-        raise InputError(place, "no header: its first line holds numbers, not the names of columns",
-                         "write a line of names above the rows, such as t,x,y,z,qw,qx,qy,qz")
+        raise InputError(place, *NO_NAMES)
     body = data[found.end:]
     if not body.strip():
         raise InputError(place, "there is a header but no row", "the recording is empty")

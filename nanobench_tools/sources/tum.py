@@ -15,10 +15,10 @@ from ..flight import Flight, Provenance, make_stream
 from ..units import factor
 from .base import cell_faults, text_fault
 from .cells import GIGANTIC, Grid, LostRow, numbers
-from .dialect import NUMBER, normalise_text
+from .dialect import NUMBER
 from .sheets import Sheet
 from .timestamps import not_seconds
-from .tum_layout import POSE, Layout, look
+from .tum_layout import POSE, Layout, look, text_of
 
 COLUMNS = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
 FEWEST_POSES = 2
@@ -29,7 +29,7 @@ class TumTrajectory:
     """Source ``tum``: one stream, ``mocap``. Times keep their zero in ``Flight.epoch_s``."""
 
     name = "tum"
-    version = 2
+    version = 3
 
     def recognises(self, path: Path, head: bytes) -> bool:
         seen = look(_first_lines(head))
@@ -43,7 +43,7 @@ class TumTrajectory:
         return f"a TUM trajectory has time x y z qx qy qz qw, blanks between, but {seen.why}" if doubtful else None
 
     def read(self, path: Path, data: bytes, sheet: Sheet | None = None) -> Flight:
-        layout = look(normalise_text(data).decode("utf-8", errors="replace").split("\n")).layout or Layout()
+        layout = look(text_of(data).split("\n")).layout or Layout()
         grid, stamps, left = _grid(data, layout)
         absolute, time_s = _seconds(stamps, layout.time_unit, str(path))
         kept = np.flatnonzero(np.isfinite(absolute))
@@ -69,7 +69,7 @@ class TumTrajectory:
 
 def _first_lines(head: bytes) -> list[str]:
     """Whole lines of a head; the only one of a file without a line end."""
-    lines = normalise_text(head).decode("utf-8", errors="replace").split("\n")
+    lines = text_of(head).split("\n")
     return lines[:-1] if any(line.strip() for line in lines[:-1]) else lines
 
 
@@ -94,7 +94,7 @@ def _seconds(cells: list[str], unit: str, place: str) -> tuple[np.ndarray, np.nd
 
 def _grid(data: bytes, layout: Layout) -> tuple[Grid, list[str], tuple[str, ...]]:
     """Numbers of the poses by column, the cells of their times, and further columns of the rows."""
-    text = normalise_text(data).decode("utf-8", errors="replace")
+    text = text_of(data)
     open_end = bool(text) and not text.endswith("\n")
     rows: list[list[str]] = []
     lines: list[int] = []

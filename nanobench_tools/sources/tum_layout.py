@@ -5,18 +5,22 @@ Files that call themselves TUM differ: time in nanoseconds, w before x, covarian
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..units import factor
 from .cells import parse_number
-from .dialect import NUMBER
+from .dialect import COMMA_NUMBER, NUMBER, normalise_text
 from .names import LENGTH_UNITS, TIME_UNITS, listed, quantity_of, split_names
 
 POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
 ORDER = ("time", *POSE)
 ROWS_SEEN = 50
+SAMPLE = 1 << 13
+"""Characters that are searched for decimal commas."""
+WHOLE = re.compile(r"[+-]?\d+")
 NORM_TOLERANCE = 0.05
 """A row is a pose only when its quaternion has unit length to within this."""
 
@@ -45,6 +49,15 @@ class Seen:
     why: str
     poses: int
     rows: int
+
+
+def text_of(data: bytes) -> str:
+    """The text of a file, with points where all its numbers between blanks have decimal commas."""
+    text = normalise_text(data).decode("utf-8", errors="replace")
+    rows = [cells for line in text[:SAMPLE].split("\n")[:-1] if (cells := line.split("#", 1)[0].split())
+            and any(map(COMMA_NUMBER.fullmatch, cells))]
+    commas = rows and all(COMMA_NUMBER.fullmatch(c) or WHOLE.fullmatch(c) for cells in rows for c in cells)
+    return text.replace(",", ".") if commas else text
 
 
 def look(lines: list[str]) -> Seen:
@@ -98,7 +111,7 @@ def _from_names(line: str) -> tuple[Layout | None, str]:
     if units["time"] and not time_unit:
         return None, f"its time is in {units['time']!r} (known: s, ms, us, ns)"
     if len(lengths) > 1 or not lengths <= {"", *LENGTH_UNITS}:
-        return None, f"its positions are in {', '.join(sorted(map(repr, lengths)))} (known: m, cm, mm)"
+        return None, f"its positions are in {', '.join(sorted(map(repr, lengths)))} (known: m, cm, mm, in, ft)"
     if strange := [units[q] for q in ("qx", "qy", "qz", "qw") if units[q] not in ("", "1", "-")]:
         return None, f"its quaternion is in {strange[0]!r}"
     order = tuple(at[q] for q in ORDER)

@@ -94,7 +94,7 @@ def test_a_position_that_may_be_in_cm_or_mm_is_asked_about(tmp_path, table):
     assert ("mocap", "px") not in draft.mapped
     (question,) = draft.questions
     assert question.startswith("x, y, z: ")
-    assert "cm or mm" in question
+    assert "cm, mm or in" in question
 
 
 @pytest.mark.parametrize(("full", "unit"), [(65535, "pwm16"), (4095, None), (8191, None), (10000, None)])
