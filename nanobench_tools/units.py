@@ -33,7 +33,7 @@ SI_FACTOR: dict[str, float] = {
     "mV": 1e-3, "mA": 1e-3, "gram": 1e-3, "gram_force": 1e-3 * GRAVITY_M_S2, "kgf": GRAVITY_M_S2, "lbf": POUND_FORCE_N,
     "%": 1e-2, "pulse_us": 1e-3,
     "pwm16": 1.0 / PWM_FULL_SCALE, "rpm": 2.0 * math.pi / 60.0,
-    "ms": 1e-3, "us": 1e-6, "ns": 1e-9,
+    "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0,
 }
 """SI value of one unit. ``g`` is the acceleration; mass in grams is ``gram``; ``pulse_us`` is the command of a motor as
 the length of a pulse, 1000 us to 2000 us."""

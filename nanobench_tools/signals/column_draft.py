@@ -29,6 +29,7 @@ from ..sources.column_names import (
     topic_in,
     unit_of,
     vehicles_of,
+    words_of,
 )
 from ..sources.lost_poses import POSITION, placeholders
 from ..sources.stand import is_a_stand
@@ -50,6 +51,13 @@ OURS = "ENU"
 FALLS = number("audit.column_draft.falls")
 OF_SET_POINTS = ("thrust[0]", "acceleration[0]", "jerk[0]", "acc_x")
 """Columns that PX4's set-points have in addition to yawspeed, and its local position does not."""
+OF_TOPICS = {"delta_q_reset[0]": "vehicle_attitude", "velocity_frame": "vehicle_odometry"}
+"""Columns of which PX4 has them in one topic, or in several of one message: the vehicle's estimate, then."""
+SECONDS = ("s", "ms", "us", "ns")
+"""Units of a time that states none."""
+PITCH: Key = ("attitude", "pitch")
+FEWEST_NINES, FAR = 3, 10.0
+"""Rows that have such a number, and its distance from all others, at least."""
 COMMANDED_THRUST: Key = ("command", "thrust")
 
 
@@ -64,6 +72,7 @@ def draft_columns(path: Path) -> ColumnDraft:
     _whose(draft)
     judge_targets(draft, table.values, path.name)
     _without_placeholders(draft, table)
+    _without_nines(draft, table)
     for stream in dict.fromkeys(stream for stream, _ in draft.mapped):
         _order_turn(stream, draft, table.values)
         _check_turn(stream, draft, table.values)
@@ -79,6 +88,9 @@ def draft_columns(path: Path) -> ColumnDraft:
                          "name them like px, acc_x, gyro_x, m1, vbat, or write the map by hand: docs/recordings.md")
     if assumed := [d.column for d in draft.mapped.values() if d.status == "assumed"]:
         draft.notes.append(f"no unit is stated for {', '.join(assumed)}: the one below is assumed; check it")
+    pitch = draft.mapped.get(PITCH)
+    if pitch is not None and f"{pitch.column}{PITCH_ASSUMED}" in " ".join(draft.notes):
+        draft.mapped[PITCH] = replace(pitch, status="assumed", why="positive nose down is assumed")
     return ColumnDraft(as_toml(path, draft), {k: (d.column, d.unit) for k, d in draft.mapped.items()}, draft.unknown,
                        tuple(draft.notes), tuple(draft.questions),
                        {d.column: d.status for d in draft.mapped.values()})
@@ -120,23 +132,26 @@ def _name(draft: Draft, table: Table, path: Path) -> None:
         allowed = ("1",) if re.fullmatch(r"q\d", key[1]) else allowed_units(
             key[0], "m1" if key[1] == "m0" else key[1])
         unit = stated[column]
+        if unit and key == TIME and unit not in allowed and column not in table.dates:
+            raise InputError(f"{path}: column {column}", f"its unit {unit!r} is none of {', '.join(allowed)}",
+                             "convert it, or call another column t")
         if unit and unit not in allowed and key != TIME:
             question = f"its unit {unit!r} is none of {', '.join(allowed)}; convert it"
             draft.questions.append(f"{column}: {question}")
             draft.unknown[column] = question
             continue
         if column in axes:
-            _in_axes(draft, key, axes[column][1])
+            _in_axes(draft, key, axes[column][1], column)
         known_unit = unit in allowed
         draft.mapped[key] = Drafted(column, unit if known_unit else allowed[0],
                                     "known" if known_unit or len(allowed) == 1 else "assumed",
                                     "stated" if known_unit else "")
 
 
-def _in_axes(draft: Draft, key: Key, axes: str) -> None:
+def _in_axes(draft: Draft, key: Key, axes: str, column: str) -> None:
     """Notes the axes that the names of a vector state."""
     if not axes:
-        if key[1] == "gyro_x":
+        if key[1] == "gyro_x" and words_of(column)[0] == ["p"]:
             draft.notes.append("p, q, r: body rates; where y points right and z down, write frame = \"FRD\" in "
                                "[streams.imu]")
     elif axes != OURS:
@@ -169,7 +184,7 @@ def _whose(draft: Draft) -> None:
     if thrust is not None and thrust.why == "stated" and thrust.unit in FORCE_UNITS and not is_wanted(thrust.column):
         draft.ask([COMMANDED_THRUST], "a force: commanded, or measured by a load cell? a command belongs in "
                   "[streams.command]")
-    pitch = draft.mapped.get(("attitude", "pitch"))
+    pitch = draft.mapped.get(PITCH)
     if pitch is not None and pitch.why in ("", "stated"):
         draft.notes.append(f"{pitch.column}{PITCH_ASSUMED}; write sign = -1 if it is positive nose up")
 
@@ -186,10 +201,28 @@ def _without_placeholders(draft: Draft, table: Table) -> None:
         table.values[column] = np.where(lost, np.nan, table.values[column])
 
 
+def _without_nines(draft: Draft, table: Table) -> None:
+    """A number such as 9999 that several rows have, and that is far from all others, is no reading."""
+    for key, drafted in draft.mapped.items():
+        cells = table.values.get(drafted.column)
+        if cells is None or key == TIME or drafted.invalid is not None:
+            continue
+        largest = cells[int(np.nanargmax(np.abs(cells)))] if np.isfinite(cells).any() else 0.0
+        others = np.abs(cells[np.isfinite(cells) & (cells != largest)])
+        if re.fullmatch(r"-?99+(\.9+)?", f"{largest:.12g}") and np.sum(cells == largest) >= FEWEST_NINES and len(
+                others) and FAR * others.max() < abs(largest):
+            draft.mapped[key] = replace(drafted, invalid=float(largest))
+            draft.notes.append(f"{drafted.column}: {largest:g} is no reading, since no other number is near it")
+            table.values[drafted.column] = np.where(cells == largest, np.nan, cells)
+
+
 def _topic_of_px4(table: Table) -> str:
-    """The topic that the columns of a renamed file are, or "": a set-point, or the local position.
+    """The topic that the columns of a renamed file are, or "": the attitude, a set-point, or the local position.
 
     The z of the local position only falls in flight, and its acceleration has no gravity in it."""
+    for column, topic in OF_TOPICS.items():
+        if column in table.values:
+            return topic
     need = ("timestamp", "x", "y", "z", "vx", "vy", "vz")
     if not all(n in table.values for n in need):
         return ""
@@ -240,7 +273,7 @@ def _time(draft: Draft, table: Table, place: str) -> np.ndarray:
         return np.arange(len(stamps), dtype=float)
     step = float(np.median(steps))
     unit = time.unit
-    fits = [u for u in ("s", "ms", "us", "ns") if evidence.FASTEST_STEP_S <= step * factor(u) <= SLOWEST_STEP_S]
+    fits = [u for u in dict.fromkeys((*SECONDS, unit)) if evidence.FASTEST_STEP_S <= step * factor(u) <= SLOWEST_STEP_S]
     if not fits:
         raise InputError(f"{place}: column {time.column}", f"rows are {step:g} apart: in no unit a recording's time",
                          "write its unit in the map, or name another column t")

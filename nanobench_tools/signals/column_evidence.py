@@ -26,6 +26,7 @@ YAW_MISSED_RAD = number("audit.column_evidence.yaw_missed_rad")
 FASTEST_STEP_S = number("audit.column_evidence.fastest_step_s")
 NOISE_APART = number("audit.column_evidence.noise_apart")
 """Axes of an estimate differ less in their noise."""
+SENSOR_NOISE_ALIKE = number("audit.column_evidence.sensor_noise_alike")
 SENSOR_NOISE_APART = number("audit.column_evidence.sensor_noise_apart")
 EPOCH_S = (946684800.0, 4102444800.0)
 """Unix time of the years 2000 and 2100, s."""
@@ -116,6 +117,12 @@ def one_unit(values: np.ndarray, measured: bool) -> bool:
     sizes, most = noise_by_axis(values, measured)
     sizes = sizes[np.isfinite(sizes)]
     return len(sizes) < 2 or bool(sizes.max() < most * sizes.min())
+
+
+def alike(values: np.ndarray) -> bool:
+    """Whether all axes of (n, k) values carry noise of one size, as those of one tracker in one unit do."""
+    sizes = noise(values)
+    return bool(np.isfinite(sizes).all() and sizes.max() < SENSOR_NOISE_ALIKE * sizes.min())
 
 
 def noise_by_axis(values: np.ndarray, measured: bool) -> tuple[np.ndarray, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -72,6 +73,8 @@ def _position(draft: Draft, stream: str, names: tuple[str, ...], values: Mapping
         elif fits and (by_tilt or fits != ["m"]):
             draft.set_unit(still, fits[0], "the path speeds up as its tilt demands" if by_tilt else
                            f"they span {moving.max():.4g}")
+            if by_tilt and not agree and not evidence.alike(cells):
+                draft.mapped[keys[2]] = replace(draft.mapped[keys[2]], status="assumed", why="as the other axes")
             if agree:
                 draft.set_unit(fast, f"{fits[0]}/s", "velocity and position agree")
             elif fast and fits != ["m"]:

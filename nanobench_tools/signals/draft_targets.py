@@ -37,7 +37,7 @@ def judge_targets(draft: Draft, values: Mapping[str, np.ndarray], file: str) -> 
             elif ignored.any():
                 draft.ask([key], f"in {ignored.sum()} of {len(ignored)} rows its mask has the vehicle ignore this "
                           "set-point; keep the others")
+    poses = [k for s in ("mocap", "estimator") for k in draft.columns(s, POSE)]
     if NAMED_SET_POINT.search(file) and not draft.columns("setpoint", tuple(IGNORED)):
-        poses = [k for s in ("mocap", "estimator") for k in draft.columns(s, POSE)]
         draft.ask(poses, "the file is named after a set-point: is this commanded or measured? write it in "
                   "[streams.setpoint] as x, y, z, or rename the file")

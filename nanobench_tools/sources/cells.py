@@ -20,7 +20,8 @@ from .header import Opened, open_table
 GIGANTIC = 1e12
 """Larger magnitudes are not measurements of anything here; such a cell is listed and NaN."""
 
-EMPTY_CELLS = ("", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null", "NULL", "None")
+EMPTY_CELLS = ("", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null", "NULL", "None", "none", "n/a", "#N/A", "<NA>",
+               "-", "--", "---")
 
 
 @dataclass

@@ -34,7 +34,7 @@ UNITS: dict[str, tuple[str, ...]] = {
     "V": ("V", "mV"),
     "N": ("N", "gram_force", "kgf", "lbf"),
     "A": ("A", "mA"),
-    "s": ("s", "ms", "us", "ns"),
+    "s": ("s", "ms", "us", "ns", "min", "h"),
 }
 """SI unit of a quantity -> units a table may give it in."""
 
@@ -118,8 +118,10 @@ class ColumnMap:
 
     @property
     def assumptions(self) -> tuple[Assumption, ...]:
-        """Units that nothing shows."""
-        return tuple(Assumption(e.stream, e.column, e.unit, f"{Path(self.path).name} marks it as assumed")
+        """Units, and signs of a pitch, that nothing shows."""
+        return tuple(Assumption(e.stream, e.column, f"{e.unit}, positive nose {'down' if e.sign > 0 else 'up'}"
+                                if (e.stream, e.quantity) == ("attitude", "pitch") else e.unit,
+                                f"{Path(self.path).name} marks it as assumed")
                      for e in (*self.times, *self.entries) if e.assumed)
 
     def turned(self, name: str, stream: Stream) -> Stream:

@@ -18,7 +18,7 @@ _TIME_UNIT = re.compile(r"(?i)(time|timestamp)(us|ms|ns)")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _APART = re.compile(r"[^a-z0-9]+")
 _ELECTRICAL = re.compile(r"(?i)(?<![a-z])(e[ _]?rpm|electric)")
-_VEHICLE = re.compile(r"(cf|uav|drone|quad|robot|agent|mav)\d*")
+_VEHICLE = re.compile(r"(cf|uav|drone|quad|robot|agent|mav|rb|rigidbody)\d*|body\d+")
 
 _WANTED = {"sp", "setpoint", "ref", "reference", "des", "desired", "target", "ctrltarget", "cmd", "command",
            "commanded", "goal", "demand", "demanded", "nominal", "waypoint", "traj"}
@@ -35,16 +35,17 @@ _BATTERY, _THRUST = {"vbat", "battery", "batt", "bat", "vbatt", "voltage"}, {"th
 _PLAIN = {"imu", "sensor", "body", "b", "filtered", "filt", "pose", "world", "global", "local",
           "log", "data", "vehicle", "crazyflie", "quadrotor", "drone", "linear", "lin", "angular", "ang", "pm", "raw",
           "frame", "stamped", "header", "field", "volt", "volts", "v", "out", "output", "msg", "rigid",
-          "level"}
+          "level", "fixed", "frequency"}
 _DIRECTIONS = {"north": "N", "east": "E", "west": "W", "up": "U", "down": "D", **{a: a.upper() for a in "neud"}}
 _DIRECTED = re.compile(r"(p|pos|v|vel)([ned])")
-_AXES = ("NED", "ENU", "NWU")
-_BODY_RATES = ("p", "q", "r")
 NUMBERED = "0123"
 """Parts of a quaternion by number, with ``meaning`` for q0 .. q3. The scalar is the first in some logs and the last in
 others."""
+_COUNTED = {"012": "xyz", "123": "xyz", "1234": NUMBERED}
+_AXES = ("NED", "ENU", "NWU")
+_BODY_RATES = ("p", "q", "r")
 _TIME = {"t", "time", "timestamp", "timestamps", "stamp", "ts", "sec", "secs", "seconds", "datetime", "elapsed",
-         "boot"}
+         "boot", "utime"}
 NAMED_BY_FILES = ("px4", "mavlink")
 """Ecosystems that write one table a topic or message, and its name into that of the file."""
 _CHARGE = {"percent", "percentage", "pct", "soc", "charge", "level", "remaining"}
@@ -175,13 +176,14 @@ def _pointed() -> dict[str, str]:
 
 def topic_in(stem: str) -> str:
     """The topic of PX4 that a file of ``ulog2csv`` names (``LOG_TOPIC_INSTANCE``), or the message of MAVLink, or "".
+    Further words may follow it.
 
     >>> topic_in("log_trajectory_setpoint_0"), topic_in("SET_POSITION_TARGET_LOCAL_NED")
     ('trajectory_setpoint', 'POSITION_TARGET_LOCAL_NED')
     """
     name = re.sub(r"_\d+$", "", stem)
     topics = sorted({k.topic for key in NAMED_BY_FILES for k in ecosystem(key).names if k.topic}, key=len, reverse=True)
-    return next((t for t in topics if name == t or name.endswith(f"_{t}")), "")
+    return next((t for t in topics if f"_{t}_" in f"_{name.replace('-', '_')}_"), "")
 
 
 def recognised(columns: Sequence[str], topic: str) -> list[Ecosystem]:
@@ -234,7 +236,8 @@ def known_names(columns: Iterable[str], systems: Iterable[Ecosystem]) -> dict[st
 
 
 def directed(columns: Iterable[str]) -> dict[str, tuple[str, str]]:
-    """Columns whose names are whole sets of directions, or the body rates p, q, r: (the name with x, y, z, axes).
+    """Columns whose names are whole sets of directions or numbers, or the body rates p, q, r: (the name with x, y, z,
+    axes).
 
     >>> directed(["pos_north", "pos_east", "pos_down"])["pos_down"]
     ('pos_z', 'NED')
@@ -253,10 +256,25 @@ def directed(columns: Iterable[str]) -> dict[str, tuple[str, str]]:
             if set(axes) == set(there):
                 found.update({there[letter]: ("_".join([*before, axis]), axes)
                               for axis, letter in zip("xyz", axes, strict=True)})
+    for before, there in _numbered(of_words).items():
+        letters = _COUNTED.get("".join(sorted(there)), "")
+        vector = set(before) & (_PLACE | _VELOCITY | _ACC | _GYRO)
+        if letters and bool(vector) == (letters == "xyz") and (vector or set(before) & _TURN):
+            found.update({there[number]: ("_".join([*before, letter]), "")
+                          for number, letter in zip(sorted(there), letters, strict=True)})
     rates = [column for word in _BODY_RATES for column, words in of_words.items() if words == [word]]
     if len(rates) == len(_BODY_RATES):
         found.update({column: (f"gyro_{axis}", "") for axis, column in zip("xyz", rates, strict=True)})
     return found
+
+
+def _numbered(of_words: Mapping[str, Sequence[str]]) -> dict[tuple[str, ...], dict[str, str]]:
+    """Words of a name before its number -> number -> column."""
+    groups: dict[tuple[str, ...], dict[str, str]] = {}
+    for column, words in of_words.items():
+        if words and words[-1].isdigit():
+            groups.setdefault(tuple(words[:-1]), {})[words[-1]] = column
+    return groups
 
 
 def guessed(columns: Iterable[str], taken: Container[tuple[str, str]] = (),

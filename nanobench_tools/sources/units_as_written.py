@@ -37,6 +37,8 @@ WRITTEN: dict[str, tuple[str, ...]] = {
     "kgf": ("kgf", "kg", "kg_force", "kilogram_force", "kilograms", "kg-force"),
     "lbf": ("lbf", "lb", "lbs", "pound-force"),
     "s": ("s", "sec", "secs", "second", "seconds"),
+    "min": ("min", "mins", "minute", "minutes"),
+    "h": ("h", "hr", "hour", "hours"),
     "ms": ("ms", "msec", "millisecond", "milliseconds"),
     "us": ("us", "usec", "microsecond", "microseconds"),
     "ns": ("ns", "nsec", "nanosecond", "nanoseconds"),

@@ -127,7 +127,7 @@ def test_interpolated_rows_of_a_table_do_not_count(tmp_path):
     [
         ('"nanobench-columns/1"', '"other/1"', "line 1, schema: schema is 'other/1'"),
         ('time = {column = "t", unit = "s"}', "", "time: the map names no time column"),
-        ('unit = "s"', 'unit = "h"', "line 2, time.unit: unit 'h'; here: s, ms, us, ns"),
+        ('unit = "s"', 'unit = "day"', "line 2, time.unit: unit 'day'; here: s, ms, us, ns"),
         ("[streams.imu]", "[streams.imus]", "line 7, streams.imus: unknown stream"),
         ("gyro_x =", "gyro_q =", "line 8, streams.imu.gyro_q: unknown quantity; did you mean 'gyro_z'. imu has acc_x"),
         ('unit = "deg/s"', 'unit = "m"', "line 8, streams.imu.gyro_x.unit: unit 'm'"),

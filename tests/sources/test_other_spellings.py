@@ -1,0 +1,123 @@
+"""Times, numbered columns, missing readings and PX4 topics as other programs write them, through a drafted map."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_draft_axes import G, flown
+
+from nanobench_tools.errors import InputError
+from nanobench_tools.signals.column_draft import draft_columns
+from nanobench_tools.sources import load_recordings
+
+TURN = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+"""From east, north, up to north, east, down."""
+FRD = np.array([1.0, -1.0, -1.0])
+
+
+def written(folder, columns, name="flight.csv"):
+    rows = [",".join(c if isinstance(c, str) else f"{c:.10g}" for c in row)
+            for row in zip(*columns.values(), strict=True)]
+    (folder / name).write_text("\n".join([",".join(columns), *rows]) + "\n")
+    return folder / name
+
+
+def read(path):
+    draft = draft_columns(path)
+    (path.parent / "map.toml").write_text(draft.text)
+    return load_recordings([path], columns=path.parent / "map.toml", cache=False).flights[0], draft
+
+
+def vector(names, values):
+    return dict(zip(names, values.T, strict=True))
+
+
+@pytest.mark.parametrize(("name", "cell"), [
+    ("Time", lambda s: f"{s:.2f} sec"), ("Time", lambda s: f"{s / 60.0:.9f} min"),
+    ("time", lambda s: f"{(s + 3590.0) // 60.0 % 60.0:.0f}:{(s + 3590.0) % 60.0:06.3f}"),
+    ("time [min]", lambda s: f"{s / 60.0:.9f}"), ("time (h)", lambda s: f"{s / 3600.0:.12f}"),
+    ("utime", lambda s: f"{1e6 * s + 1.7e15:.0f}")],
+    ids=["durations of MATLAB", "in minutes", "minutes and seconds past the hour", "[min]", "(h)", "utime"])
+def test_times(tmp_path, name, cell):
+    t, p, *_ = flown()
+    flight, _ = read(written(tmp_path, {name: [cell(s) for s in t], **vector(("px", "py", "pz"), p)}))
+    np.testing.assert_allclose(flight["mocap"].time_s, t, atol=2e-6)
+
+
+def test_a_unit_of_time_that_is_not_known_is_refused(tmp_path):
+    t, p, *_ = flown()
+    with pytest.raises(InputError, match="its unit 'days' is none of s, ms"):
+        draft_columns(written(tmp_path, {"time [days]": t / 86400.0, **vector(("px", "py", "pz"), p)}))
+
+
+@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize("stem", ["pos_{}", "position[{}]", "Position{}"])
+def test_vectors_by_number(tmp_path, stem, first):
+    t, p, v, *_ = flown()
+    names = [stem.format(k + first) for k in range(3)]
+    speeds = [f"vel_{k + first}" for k in range(3)]
+    flight, _ = read(written(tmp_path, {"t": t, **vector(names, p), **vector(speeds, v)}))
+    np.testing.assert_allclose(flight["mocap"]["px", "py", "pz"], p, atol=1e-8)
+    np.testing.assert_allclose(flight["mocap"]["vx", "vy", "vz"], v, atol=1e-8)
+
+
+def test_numbers_of_motors_stay_motors(tmp_path):
+    t, p, *_ = flown()
+    shares = {f"motor_{k}": 0.5 + 0.1 * np.sin(t + k) for k in (1, 2, 3)}
+    draft = draft_columns(written(tmp_path, {"t": t, **vector(("px", "py", "pz"), p), **shares}))
+    assert not any(name.startswith("gyro") or name.startswith("v") for _, name in draft.mapped)
+
+
+@pytest.mark.parametrize("cell", ["-", "--", "#N/A", "n/a", "9999", "-9999", "99999"])
+def test_missing_readings(tmp_path, cell):
+    t, p, _, a, turn, w = flown()
+    names = ("px", "py", "pz", "acc_x", "acc_y", "acc_z", "gyro_x", "gyro_y", "gyro_z")
+    values = np.hstack([p, turn.inv().apply(a + G), w])
+    lost = np.arange(len(t)) % 7 == 3
+    columns = {n: [cell if gone else float(v) for v, gone in zip(column, lost, strict=True)]
+               for n, column in zip(names, values.T, strict=True)}
+    flight, _ = read(written(tmp_path, {"t": t, **columns}))
+    np.testing.assert_allclose(np.hstack([flight["mocap"].values, flight["imu"].values]), values[~lost], atol=1e-8)
+    assert not flight.provenance.findings
+
+
+def test_a_number_of_nines_near_others_is_a_reading(tmp_path):
+    t, p, *_ = flown()
+    height = 1e3 * p[:, 2] + 9000.0
+    height[100:110] = 9999.0
+    draft = draft_columns(written(tmp_path, {"t": t, "x [mm]": 1e3 * p[:, 0], "y [mm]": 1e3 * p[:, 1],
+                                             "z [mm]": height}))
+    assert not any("is no reading" in note for note in draft.notes)
+
+
+@pytest.mark.parametrize("name", ["log_vehicle_odometry_0.csv", "vehicle_odometry-cut.csv", "renamed.csv"])
+def test_an_odometry_of_px4_is_the_estimate_in_ned_by_any_file_name(tmp_path, name):
+    t, p, v, _, turn, w = flown()
+    ned = turn.from_matrix(np.tile(TURN, (len(t), 1, 1))) * turn * turn.from_matrix(np.diag(FRD))
+    q = ned.as_quat()[:, [3, 0, 1, 2]]
+    flight, _ = read(written(tmp_path, {
+        "timestamp": 1e6 * t + 5e8, "pose_frame": 0.0 * t + 1.0, "velocity_frame": 0.0 * t + 1.0,
+        **vector([f"position[{k}]" for k in range(3)], p @ TURN.T), **vector([f"q[{k}]" for k in range(4)], q),
+        **vector([f"velocity[{k}]" for k in range(3)], v @ TURN.T),
+        **vector([f"angular_velocity[{k}]" for k in range(3)], w * FRD)}, name))
+    assert set(flight.streams) == {"estimator", "attitude_qw"}
+    np.testing.assert_allclose(flight["estimator"]["x", "y", "z"], p, atol=1e-6)
+    apart = (turn.from_quat(flight["attitude_qw"]["qx", "qy", "qz", "qw"]).inv() * turn).magnitude()
+    assert apart.max() < 1e-6
+
+
+def test_a_pitch_whose_sign_nothing_shows_is_assumed_in_every_audit(tmp_path):
+    t, _, _, _, turn, _ = flown()
+    angles = turn.as_euler("ZYX", degrees=True)[:, ::-1]
+    flight, draft = read(written(tmp_path, {"t": t, **vector(("roll (deg)", "pitch (deg)", "yaw (deg)"), angles)}))
+    assert draft.status["pitch (deg)"] == "assumed"
+    (assumed,) = flight.provenance.assumptions
+    assert assumed.unit == "deg, positive nose down"
+
+
+def test_a_height_in_feet_is_not_shown_by_the_tilt(tmp_path):
+    t, p, _, _, turn, _ = flown()
+    draft = draft_columns(written(tmp_path, {
+        "t": t, "px": p[:, 0], "py": p[:, 1], "pz": p[:, 2] / 0.3048,
+        **vector(("qx", "qy", "qz", "qw"), turn.as_quat())}))
+    assert [draft.status[c] for c in ("px", "py", "pz")] == ["shown", "shown", "assumed"]
