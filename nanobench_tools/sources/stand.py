@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -61,6 +61,10 @@ TIP_M_S = (30.0, 300.0)
 THRUST_COEFFICIENT = (0.04, 0.25)
 """C_T = T / (rho n^2 D^4) of propellers."""
 AIR_KG_M3 = 1.2
+MOST_V = 120.0
+"""Batteries of the largest drones have 60 V."""
+SLOW_RPM = 3000.0
+"""Propellers up to 30 cm turn faster at full command. Motors with 6 or 7 pairs of poles have 700 to 3000 eRPM/100."""
 STRONG = 0.5
 """Share of the largest thrust from which a row is used to compare thrust with power."""
 
@@ -121,7 +125,7 @@ class ThrustStand:
     """Source ``stand``."""
 
     name = "stand"
-    version = 4
+    version = 5
 
     def recognises(self, path: Path, head: bytes) -> bool:
         names = header_of(head)[0]
@@ -150,6 +154,7 @@ class ThrustStand:
         streams |= _extra(grid, taken, row)
         _check_propeller(streams, str(path))
         _check_tips(streams, str(path))
+        _check_slow(known, streams, str(path))
         span = (0.0, float(row[-1]))
         where = {c: s for s, stream in streams.items() for c in stream.columns}
         faults = cell_faults(grid, row, np.arange(n), where)
@@ -234,6 +239,9 @@ def _streams(grid: Grid, known: list[Heading], row: np.ndarray, place: str) -> t
                              f"known here: {', '.join(allowed)}")
         for quantity in head.quantities:
             chosen.setdefault(stream, {}).setdefault(quantity, head)
+    if len(rotors := chosen.get("rpm", {})) > 1 and [*chosen.get("motor", {})] == ["m1"]:
+        chosen["motor"] = dict.fromkeys(rotors, chosen["motor"]["m1"])  # one command of all that turn
+    _check_voltage(chosen.get("battery", {}), grid, place)
     streams = {}
     for stream, heads in chosen.items():
         values = np.stack([to_si(grid.columns[h.column], h.unit) for h in heads.values()], axis=1)
@@ -243,6 +251,27 @@ def _streams(grid: Grid, known: list[Heading], row: np.ndarray, place: str) -> t
     if "motor" in streams:
         _check_sign(streams, place)
     return streams, {h.column for heads in chosen.values() for h in heads.values()}
+
+
+def _check_voltage(heads: Mapping[str, Heading], grid: Grid, place: str) -> None:
+    """InputError for a voltage of no battery in a column that states no unit."""
+    head = heads.get("vbat")
+    top = 0.0 if head is None or head.stated else float(np.nanmax(to_si(grid.columns[head.column], head.unit)))
+    if head is not None and top > MOST_V:
+        raise InputError(f"{place}: column {head.column}", f"reaches {top:.4g}: no voltage of a battery",
+                         f"write its unit behind the name: {head.column} (mV)")
+
+
+def _check_slow(known: Sequence[Heading], streams: Mapping[str, Stream], place: str) -> None:
+    """InputError for speeds under the bare name rpm that may be eRPM/100."""
+    columns = [h.column for h in known if h.stream == "rpm" and not h.stated and h.column.lower().startswith("rpm")]
+    if "rpm" not in streams or set(streams["rpm"].columns) - set(columns):
+        return
+    top = float(np.nanmax(streams["rpm"].values, initial=0.0)) / to_si(1.0, "rpm")
+    if 0.0 < top < SLOW_RPM:
+        raise InputError(f"{place}: column {columns[0]}", f"reaches {top:.4g}: rpm of a large propeller, or eRPM/100 "
+                         "of an ESC?", "name it rotation speed (rpm). Or multiply eRPM/100 by 100, and divide by the "
+                         "pairs of poles")
 
 
 def _check_command(values: np.ndarray, head: Heading, place: str) -> None:

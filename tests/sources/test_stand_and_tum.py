@@ -206,3 +206,40 @@ def test_tum_with_faults(tmp_path):
 def test_eight_numbers_are_no_pose_without_a_quaternion(tmp_path):
     (tmp_path / "a").write_text("1 2 3 4 5 6 7 8\n2 3 4 5 6 7 8 9\n")
     assert "not a recording of any known format" in load(tmp_path).failed[0]["error"]
+
+
+def stand(tmp_path, **columns):
+    """A stand with a motor of a 5 inch propeller, 24 000 rpm and 3.5 N at full command."""
+    share = np.linspace(0.1, 1.0, 30)
+    given = {"throttle (%)": 100.0 * share, "thrust (N)": 3.5 * share**2, "voltage": 16.0 - share}
+    given |= {name: of(share) for name, of in columns.items()}
+    rows = [",".join(f"{v:.8g}" for v in row) for row in zip(*given.values(), strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join([",".join(given), *rows]) + "\n")
+    return load(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["rpm", "rpm1"])
+def test_slow_rpm_of_a_stand_may_be_an_electrical_speed(tmp_path, name):
+    (failed,) = stand(tmp_path, **{name: lambda u: 24000.0 * u * 7.0 / 100.0}).failed
+    assert "eRPM/100" in failed["error"]
+    flight, = stand(tmp_path, **{name: lambda u: 24000.0 * u}).flights
+    assert flight["rpm"].values.max() == pytest.approx(24000.0 * np.pi / 30.0)
+
+
+def test_a_large_propeller_is_named_otherwise(tmp_path):
+    speeds = {"thrust (N)": lambda u: 60.0 * u**2, "rotation speed (rpm)": lambda u: 2800.0 * u}
+    flight, = stand(tmp_path, **speeds).flights
+    assert flight["rpm"].values.max() == pytest.approx(2800.0 * np.pi / 30.0)
+
+
+def test_a_voltage_without_a_unit_that_no_battery_has(tmp_path):
+    (failed,) = stand(tmp_path, voltage=lambda u: 16000.0 - 1000.0 * u).failed
+    assert "voltage (mV)" in failed["error"]
+
+
+def test_one_throttle_turns_all_motors_with_a_speed(tmp_path):
+    """The load cell adds up their thrust."""
+    speeds = {f"rpm{k}": lambda u: 24000.0 * u for k in range(1, 5)}
+    flight, = stand(tmp_path, **speeds).flights
+    assert flight["motor"].quantities == ("m1", "m2", "m3", "m4")
+    assert "commands 4 motors" in flight.metadata["read_as"][0]
