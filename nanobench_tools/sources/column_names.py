@@ -43,7 +43,8 @@ NUMBERED = "0123"
 others."""
 _COUNTED = {"012": "xyz", "123": "xyz", "1234": NUMBERED}
 _AXES = ("NED", "ENU", "NWU")
-_BODY_RATES = ("p", "q", "r")
+_GREEK = {"phi": "roll", "theta": "pitch", "psi": "yaw"}
+_BODY_RATES = {"p": "x", "q": "y", "r": "z"}
 _TIME = {"t", "time", "timestamp", "timestamps", "stamp", "ts", "sec", "secs", "seconds", "datetime", "elapsed",
          "boot", "utime"}
 NAMED_BY_FILES = ("px4", "mavlink")
@@ -236,43 +237,39 @@ def known_names(columns: Iterable[str], systems: Iterable[Ecosystem]) -> dict[st
 
 
 def directed(columns: Iterable[str]) -> dict[str, tuple[str, str]]:
-    """Columns whose names are whole sets of directions or numbers, or the body rates p, q, r: (the name with x, y, z,
-    axes).
+    """Columns whose names are whole sets: directions, numbers, Greek angles, or the body rates p, q, r. Column -> the
+    name with x, y, z, and the axes.
 
     >>> directed(["pos_north", "pos_east", "pos_down"])["pos_down"]
     ('pos_z', 'NED')
     """
-    columns = tuple(columns)
-    of_words = {column: words_of(column)[0] for column in columns}
-    groups: dict[tuple[str, ...], dict[str, str]] = {}
-    for column, words in of_words.items():
-        if words and (glued := _DIRECTED.fullmatch(words[-1])):
-            words = [*words[:-1], glued[1], glued[2]]
-        if words and words[-1] in _DIRECTIONS:
-            groups.setdefault(tuple(words[:-1]), {})[_DIRECTIONS[words[-1]]] = column
     found = {}
-    for before, there in groups.items():
+    for before, there in _by_last_word(columns).items():
+        of_direction = {_DIRECTIONS[word]: column for word, column in there.items() if word in _DIRECTIONS}
         for axes in _AXES:
-            if set(axes) == set(there):
-                found.update({there[letter]: ("_".join([*before, axis]), axes)
+            if set(axes) == set(of_direction):
+                found.update({of_direction[letter]: ("_".join([*before, axis]), axes)
                               for axis, letter in zip("xyz", axes, strict=True)})
-    for before, there in _numbered(of_words).items():
-        letters = _COUNTED.get("".join(sorted(there)), "")
-        vector = set(before) & (_PLACE | _VELOCITY | _ACC | _GYRO)
-        if letters and bool(vector) == (letters == "xyz") and (vector or set(before) & _TURN):
-            found.update({there[number]: ("_".join([*before, letter]), "")
-                          for number, letter in zip(sorted(there), letters, strict=True)})
-    rates = [column for word in _BODY_RATES for column, words in of_words.items() if words == [word]]
-    if len(rates) == len(_BODY_RATES):
-        found.update({column: (f"gyro_{axis}", "") for axis, column in zip("xyz", rates, strict=True)})
+        numbers = sorted(word for word in there if word.isdigit())
+        letters = _COUNTED.get("".join(numbers), "")
+        vector = bool(set(before) & (_PLACE | _VELOCITY | _ACC | _GYRO))
+        names = dict(zip(numbers, letters, strict=False)) if vector == (letters == "xyz") and (
+            vector or set(before) & _TURN) else {}
+        names |= {word: name for word, name in _GREEK.items() if set(_GREEK) <= set(there)}
+        names |= {word: f"gyro_{axis}" for word, axis in _BODY_RATES.items() if not before and set(_BODY_RATES) <= set(
+            there)}
+        found.update({there[word]: ("_".join([*before, name]), "") for word, name in names.items()})
     return found
 
 
-def _numbered(of_words: Mapping[str, Sequence[str]]) -> dict[tuple[str, ...], dict[str, str]]:
-    """Words of a name before its number -> number -> column."""
+def _by_last_word(columns: Iterable[str]) -> dict[tuple[str, ...], dict[str, str]]:
+    """Words of names before the last one -> last word -> column."""
     groups: dict[tuple[str, ...], dict[str, str]] = {}
-    for column, words in of_words.items():
-        if words and words[-1].isdigit():
+    for column in columns:
+        words = words_of(column)[0]
+        if words and (glued := _DIRECTED.fullmatch(words[-1])):
+            words = [*words[:-1], glued[1], glued[2]]
+        if words:
             groups.setdefault(tuple(words[:-1]), {})[words[-1]] = column
     return groups
 

@@ -121,3 +121,19 @@ def test_a_height_in_feet_is_not_shown_by_the_tilt(tmp_path):
         "t": t, "px": p[:, 0], "py": p[:, 1], "pz": p[:, 2] / 0.3048,
         **vector(("qx", "qy", "qz", "qw"), turn.as_quat())}))
     assert [draft.status[c] for c in ("px", "py", "pz")] == ["shown", "shown", "assumed"]
+
+
+@pytest.mark.parametrize("names", [("phi", "theta", "psi"), ("att_phi", "att_theta", "att_psi")])
+def test_greek_angles(tmp_path, names):
+    t, p, _, _, turn, w = flown()
+    angles = turn.as_euler("ZYX")[:, ::-1]
+    flight, _ = read(written(tmp_path, {"t": t, **vector(names, angles), **vector(("p", "q", "r"), w),
+                                        **vector(("px", "py", "pz"), p)}))
+    np.testing.assert_allclose(flight["attitude"]["roll", "pitch", "yaw"], angles, atol=1e-8)
+    np.testing.assert_allclose(flight["imu"]["gyro_x", "gyro_y", "gyro_z"], w, atol=1e-8)
+
+
+def test_one_greek_angle_alone_is_no_pitch(tmp_path):
+    t, p, _, _, turn, _ = flown()
+    draft = draft_columns(written(tmp_path, {"t": t, **vector(("px", "py", "pz"), p), "theta": turn.magnitude()}))
+    assert ("attitude", "pitch") not in draft.mapped
