@@ -7,7 +7,7 @@ one the interval is reported.
 import math
 from dataclasses import dataclass
 
-from ..units import GRAVITY_M_S2
+from ..units import FOOT_M, GRAVITY_M_S2, INCH_M
 
 DEG = 180.0 / math.pi
 COUNTS_PER_DEG_S = (16.4, 32.8, 65.5, 131.0)
@@ -17,7 +17,8 @@ COUNTS_PER_G = (16384.0, 8192.0, 4096.0, 2048.0, 1024.0)
 _THOUSANDS = {"thousandths": 1e3, "thousands": 1e-3}
 _ANGLES = {"deg for rad": DEG, "rad for deg": 1.0 / DEG, "millidegrees for rad": 1e3 * DEG,
            "hundredths of deg for rad": 1e2 * DEG, **_THOUSANDS}
-_LENGTHS = {**_THOUSANDS, "hundredths": 1e2, "hundreds": 1e-2, "feet for m": 1.0 / 0.3048, "inches for m": 1.0 / 0.0254}
+_LENGTHS = {**_THOUSANDS, "hundredths": 1e2, "hundreds": 1e-2, "feet for m": 1.0 / FOOT_M, "inches for m": 1.0 / INCH_M,
+            "inches read as cm": 1e-2 / INCH_M}
 KNOWN: dict[str, dict[str, float]] = {
     "rad": _ANGLES,
     "rad/s": {**_ANGLES, "rpm for rad/s": 30.0 / math.pi,

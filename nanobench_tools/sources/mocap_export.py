@@ -303,12 +303,13 @@ def _check_length(time_s: np.ndarray, cells: np.ndarray, export: Export, place: 
     pull = float(np.quantile(np.linalg.norm(bend, axis=1), 0.9))
     if float(np.median(np.abs(np.diff(p[:, widest])))) > NOISY * extent[widest]:
         return
-    fits = [u for u in ("m", "cm", "mm") if FLIGHT_M[0] <= factor(u) * extent[widest] <= FLIGHT_M[1]
+    fits = [u for u in ("m", "cm", "mm", "in") if FLIGHT_M[0] <= factor(u) * extent[widest] <= FLIGHT_M[1]
             and factor(u) * pull < MOST_M_S2]
     stated = next(u for u in ("m", "cm", "mm") if factor(u) == export.length)
     if fits and stated not in fits:
+        others = " or ".join(fits).replace("in", "inches")
         raise InputError(place, f"lengths are in {stated} by the header of this {export.program} export, in which the "
-                         f"path spans {factor(stated) * extent[widest]:.2g} m; in {' or '.join(fits)} it is a flight",
+                         f"path spans {factor(stated) * extent[widest]:.2g} m; in {others} it is a flight",
                          "correct the unit in the header" if export.program != "Qualisys" else
                          "write the positions in mm, as this layout has them")
 

@@ -73,3 +73,10 @@ def test_rows_without_names_and_with_other_marks_are_refused(tmp_path):
     path.write_text(path.read_text().replace("# \n", "").replace(".", ",").replace(" ", ";"))
     with pytest.raises(InputError, match="no header"):
         draft_columns(path)
+
+
+def test_inches_that_a_file_calls_cm_contradict_the_tilt(tmp_path):
+    """2.54 times: less than feet for metres, more than any real flight is off."""
+    path = poses(tmp_path / "poses.txt", 0.0254, "timestamp tx[cm] ty[cm] tz[cm] qx qy qz qw")
+    fault = next(f for f in audit(loaded(path)).faults if f.kind == "unit")
+    assert "(inches read as cm)" in fault.evidence
