@@ -16,7 +16,7 @@ import numpy as np
 from ..errors import InputError
 from ..flight import make_stream
 from ..settings import number
-from ..sources.column_map import DATES, FORCE_UNITS, allowed_units
+from ..sources.column_map import DATES, FORCE_UNITS, allowed_units, sense_of
 from ..sources.column_names import (
     NUMBERED,
     directed,
@@ -90,7 +90,9 @@ def draft_columns(path: Path) -> ColumnDraft:
         draft.notes.append(f"no unit is stated for {', '.join(assumed)}: the one below is assumed; check it")
     pitch = draft.mapped.get(PITCH)
     if pitch is not None and f"{pitch.column}{PITCH_ASSUMED}" in " ".join(draft.notes):
-        draft.mapped[PITCH] = replace(pitch, status="assumed", why="positive nose down is assumed")
+        for key in draft.columns("attitude", ("pitch", "yaw")):
+            draft.mapped[key] = replace(draft.mapped[key], status="assumed",
+                                        why=f"{sense_of(*key, draft.mapped[key].sign)} is assumed")
     return ColumnDraft(as_toml(path, draft), {k: (d.column, d.unit) for k, d in draft.mapped.items()}, draft.unknown,
                        tuple(draft.notes), tuple(draft.questions),
                        {d.column: d.status for d in draft.mapped.values()})

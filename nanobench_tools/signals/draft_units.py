@@ -16,6 +16,7 @@ from . import column_evidence as evidence
 from .draft import QUATERNION, Draft, Key
 from .draft_motors import judge_motors
 from .draft_places import judge_places
+from .known_factors import COUNTS_PER_G
 from .quaternion_reading import Samples, reading_of
 from .tumbling import gyro_scale
 
@@ -33,6 +34,8 @@ OF_ONE_UNIT = number("audit.draft_units.of_one_unit")
 LEAST_FORCE = number("audit.draft_units.least_force")
 LEAST_TILT_DEG = number("audit.draft_units.least_tilt_deg")
 MOST_TURNS = count("audit.draft_units.most_turns")
+COUNTS_PER_G_WITHIN = 1.2
+"""In flight the median of the specific force exceeds gravity by less."""
 MOST_PITCH_DEG = 95.0
 """A pitch is within a right angle by its definition; numbers and filters exceed it by little."""
 
@@ -107,6 +110,8 @@ def _gravity(draft: Draft, values: Mapping[str, np.ndarray]) -> None:
                   f"\"{fits[0]}\", or convert it to m/s^2")
     elif fits:
         draft.set_unit(keys, fits[0], f"the median of the specific force is {norm:.4g}, which is gravity")
+    elif counts := [c for c in COUNTS_PER_G if abs(np.log(norm / c)) < np.log(COUNTS_PER_G_WITHIN)]:
+        draft.ask(keys, f"the median is {norm:.4g}: counts, {counts[0]:g} of them 1 g? Convert them to m/s^2")
     else:
         draft.ask(keys, f"no accelerometer: the median is {norm:.4g}, without gravity. Is it the acceleration of an "
                   "estimate? write [streams.estimator_acc] ax, ay, az")

@@ -44,6 +44,8 @@ MESSAGE_TIME = "header.stamp"
 DATES = "iso8601"
 """Unit of a time column of dates: 2026-03-01T12:00:00.020Z."""
 
+SENSES = {"pitch": ("nose down", "nose up"), "yaw": ("counter-clockwise", "clockwise")}
+"""Angles whose sign differs between programs: ours, and the other."""
 ENTRY_KEYS = ("column", "index", "unit", "sign", "offset", "assumed", "invalid")
 PWM_UNITS = ("1", "pwm16", "%", "pulse_us")
 PWM_STREAMS = frozenset({"motor", "motor_request", "command"})
@@ -118,10 +120,10 @@ class ColumnMap:
 
     @property
     def assumptions(self) -> tuple[Assumption, ...]:
-        """Units, and signs of a pitch, that nothing shows."""
-        return tuple(Assumption(e.stream, e.column, f"{e.unit}, positive nose {'down' if e.sign > 0 else 'up'}"
-                                if (e.stream, e.quantity) == ("attitude", "pitch") else e.unit,
-                                f"{Path(self.path).name} marks it as assumed")
+        """Units, and signs of pitch and yaw, that nothing shows."""
+        why = f"{Path(self.path).name} marks it as assumed"
+        return tuple(Assumption(e.stream, e.column, ", ".join(
+                         filter(None, (e.unit, sense_of(e.stream, e.quantity, e.sign)))), why)
                      for e in (*self.times, *self.entries) if e.assumed)
 
     def turned(self, name: str, stream: Stream) -> Stream:
@@ -137,6 +139,12 @@ class ColumnMap:
     def topics(self) -> tuple[str, ...]:
         """Topics of a bag that are needed, each once; none for a map of tables."""
         return tuple(dict.fromkeys(e.topic for e in self.entries if e.topic is not None))
+
+
+def sense_of(stream: str, quantity: str, sign: float) -> str:
+    """``positive nose down``: of an angle whose sign differs between programs; "" for others."""
+    senses = SENSES.get(quantity) if stream == "attitude" else None
+    return f"positive {senses[sign < 0]}" if senses else ""
 
 
 class _Reader:

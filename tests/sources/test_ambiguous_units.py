@@ -56,3 +56,10 @@ def test_commands_of_10000_to_20000_may_be_pulses(tmp_path, low, high, unit):
     shares = 0.5 + 0.5 * np.sin(np.outer(flown()[0], np.arange(1.0, 5.0)))
     draft = drafted(tmp_path, ("m1", "m2", "m3", "m4"), np.round(low + (high - low) * shares))
     assert draft.mapped.get(("motor", "m1")) == (("m1", unit) if unit else None)
+
+
+def test_counts_of_an_accelerometer_are_named(tmp_path):
+    *_, a, turn, _ = flown()
+    draft = drafted(tmp_path, ("acc_x", "acc_y", "acc_z"), np.round(2048.0 / 9.81 * turn.inv().apply(a + G)))
+    assert ("imu", "acc_z") not in draft.mapped
+    assert "2048 of them 1 g" in draft.questions[0]

@@ -111,8 +111,8 @@ def test_a_pitch_whose_sign_nothing_shows_is_assumed_in_every_audit(tmp_path):
     angles = turn.as_euler("ZYX", degrees=True)[:, ::-1]
     flight, draft = read(written(tmp_path, {"t": t, **vector(("roll (deg)", "pitch (deg)", "yaw (deg)"), angles)}))
     assert draft.status["pitch (deg)"] == "assumed"
-    (assumed,) = flight.provenance.assumptions
-    assert assumed.unit == "deg, positive nose down"
+    assert [a.unit for a in flight.provenance.assumptions] == ["deg, positive nose down",
+                                                               "deg, positive counter-clockwise"]
 
 
 def test_a_height_in_feet_is_not_shown_by_the_tilt(tmp_path):
