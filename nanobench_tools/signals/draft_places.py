@@ -12,7 +12,7 @@ from ..sources.tum_layout import NORM_TOLERANCE
 from ..units import factor
 from . import column_evidence as evidence
 from .draft import QUATERNION, TIME, Draft, Key
-from .flown_axes import unit_by_tilt
+from .flown_axes import UPRIGHT, unit_by_tilt
 
 TILT_WITHIN = number("audit.draft_places.tilt_within")
 METRIC = ("m", "cm", "mm")
@@ -66,6 +66,9 @@ def _position(draft: Draft, stream: str, names: tuple[str, ...], values: Mapping
         alone = [evidence.lengths_that_fit(cells[:, [k]], time_s, factors) or list(factors) for k in range(len(keys))]
         if not set.intersection(*map(set, alone)):
             draft.ask(both, "they are not of one size: are they all in one unit? write the unit of each")
+        elif by_tilt == ["ft"]:
+            draft.ask(both, "ft by the tilt, or m with a time that is wrong by 1.8? write unit = \"ft\", or mend the "
+                      "time")
         elif len(fits) > 1:
             rates = f" and \"{fits[-1]}/s\"" if fast else ""
             draft.ask(both, f"{', '.join(fits[:-1])} or {fits[-1]}{', and the same per second' * bool(fast)}? Each is "
@@ -100,7 +103,7 @@ def _by_tilt(draft: Draft, stream: str, values: Mapping[str, np.ndarray], time_s
                             for keys in (draft.columns(stream, dict(PATHS)[stream]), turn))
     rows = np.isfinite(position).all(axis=1) & (np.abs(np.linalg.norm(quaternion, axis=1) - 1.0) < NORM_TOLERANCE)
     rows &= np.isfinite(time_s) & (np.diff(time_s, prepend=-np.inf) > 0.0)
-    shown = unit_by_tilt(time_s[rows], position[rows], quaternion[rows]) if rows.any() else None
+    shown = unit_by_tilt(time_s[rows], position[rows], quaternion[rows], UPRIGHT) if rows.any() else None
     fits = [u for u in LENGTHS if shown and abs(np.log(shown / factor(u))) < np.log(TILT_WITHIN)]
     return fits if len(fits) == 1 else []
 

@@ -176,13 +176,16 @@ def _shown_scale(time_s: np.ndarray, position: np.ndarray, quaternion: np.ndarra
     return None if shown is None else min(SCALES, key=lambda scale: abs(np.log(scale * shown)))
 
 
-def unit_by_tilt(time_s: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> float | None:
+def unit_by_tilt(time_s: np.ndarray, position: np.ndarray, quaternion: np.ndarray, upright: float = -1.0
+                 ) -> float | None:
     """Metres per number of a position (n, 3), with which its accelerations are those of its tilt; None where they do
-    not correlate."""
+    not correlate, and where the mean cosine of the tilt is below ``upright``: far tilts accelerate by more."""
     found = [tilt for places in ORDERS.values() if quaternion.shape[1] == 4
              for tilt in tilts_of(time_s, position, quaternion[:, places]).values()]
     best = max(found, key=lambda tilt: tilt.follows, default=None)
-    return None if best is None or best.follows < FOLLOWS or not best.slope > 0.0 else best.slope
+    if best is None or best.follows < FOLLOWS or not best.slope > 0.0 or best.upright < upright:
+        return None
+    return best.slope
 
 
 def seen_poses(context: Context) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

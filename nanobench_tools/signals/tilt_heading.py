@@ -20,6 +20,7 @@ FOLLOWS = number("audit.tilt_heading.follows")
 TURNED_RAD = number("audit.tilt_heading.turned_rad")
 """Angle between tilt and acceleration from which on the attitude is in another frame."""
 MIRRORED = number("audit.tilt_heading.mirrored")
+FAR_BETTER = number("audit.tilt_heading.far_better")
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -112,7 +113,8 @@ def mirrored(context: Context) -> Mirrored | None:
     angle, follows = _turn(tilt.conj(), path)
     _, straight = _turn(tilt, path)
     _, inverted = _turn(both[2][:, 0] + 1j * both[2][:, 1], path)
-    if follows < FOLLOWS or follows < max(straight, inverted) + MIRRORED:
+    other = max(straight, inverted)  # a path that is longer than wide looks like its mirror image, turned by 180 deg
+    if follows < FOLLOWS or (follows < other + MIRRORED and 1.0 - other < FAR_BETTER * (1.0 - follows)):
         return None
     quarter = round(2.0 * angle / math.pi) % 4
     if abs(math.remainder(angle - quarter * math.pi / 2.0, 2.0 * math.pi)) > 0.5 * TURNED_RAD:

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from nanobench_tools.auditing.faults import quaternion_order
 from nanobench_tools.flight import Flight, make_stream
 from nanobench_tools.signals.context import Context
+from nanobench_tools.signals.tilt_heading import mirrored
 
 POSES = ("px", "py", "pz", "qx", "qy", "qz", "qw")
 SIGNS = {"roll": (-1, 1, 1), "pitch": (1, -1, 1)}
@@ -49,3 +50,17 @@ def test_an_angle_of_the_other_sign_is_named(angle):
 def test_another_order_is_named(order, read, right):
     evidence, = found(turning(order, read=read))
     assert f"turn about {right} in this order" in evidence
+
+
+@pytest.mark.parametrize(("columns", "mended"), [({0: (0, 1), 1: (1, -1)}, ("py",)), ({0: (0, -1), 1: (1, 1)}, ("px",)),
+                                                 ({0: (1, 1), 1: (0, 1)}, ("px", "py"))])
+def test_the_mirror_image_of_a_path_that_is_longer_than_wide(columns, mended):
+    """Turned by half a turn it correlates by 0.7 or more with the tilt as well."""
+    flight = turning("ZYX")
+    values = flight["mocap"].values
+    mirrored_path = values.copy()
+    for to, (of, sign) in columns.items():
+        mirrored_path[:, to] = sign * values[:, of]
+    other = make_stream("mocap", flight["mocap"].time_s, mirrored_path, POSES)
+    assert mirrored(Context(flight)) is None
+    assert mirrored(Context(flight.with_streams(mocap=other))).quantities == mended
