@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ import pyarrow.parquet as pq
 from ..errors import InputError
 from ..settings import count
 from ..sources.cells import read_grid, read_text_columns
-from ..sources.column_names import meaning
+from ..sources.column_names import meaning, words_of
 from ..sources.dates import looks_like_dates, seconds_of_dates
 from ..sources.dialect import normalise_text
 from ..sources.discover import sources
@@ -27,6 +28,10 @@ from .draft import TIME
 WITHOUT_NAMES = {"rosbag": "write a map of its topics: docs/recordings.md",
                  "tum": "for a map, write names above its rows: t x y z qx qy qz qw"}
 """Source -> how to get a map where its files name no columns."""
+OF_ROWS = frozenset({"id", "body", "rb", "drone", "vehicle", "agent", "sensor", "instance", "marker", "uav", "topic"})
+"""Last words of columns of numbers that state of what a row is."""
+MOST_KINDS, TURNS = 20, 0.2
+"""Largest number of them, and the share of rows in which another one begins."""
 SAMPLE = 1 << 20
 """Bytes of a table that are searched for thousands separators."""
 MARKS = ",.' \N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}"
@@ -78,8 +83,14 @@ def read_table(path: Path) -> Table:
         raise InputError(place, "long format: one variable per row, a name and its value",
                          "pivot it to one column per variable, for example pandas.DataFrame.pivot")
     dates = {}
-    if grid.text:
-        cells = read_text_columns(data, place, grid.text)[0]
+    cells = read_text_columns(data, place, grid.text)[0] if grid.text else {}
+    of_rows = {n: c for n, c in cells.items() if not looks_like_dates(c)} | {
+        n: [f"{v:g}" for v in c] for n, c in grid.columns.items() if set(words_of(n)[0][-1:]) & OF_ROWS}
+    for name, kinds in of_rows.items():
+        if several := _alternating(kinds):
+            raise InputError(f"{place}: column {name}", f"rows of {', '.join(several)} take turns: they are of several "
+                             "sensors or bodies", "write the rows of each to a separate table")
+    if cells:
         dates = {n: seconds_of_dates(c) for n, c in cells.items() if looks_like_dates(c)}
     values = {name: np.asarray(column, dtype=float) for name, column in grid.columns.items()}
     return Table(values, dates, [n for n in grid.text if n not in dates], grid.units)
@@ -89,6 +100,14 @@ def _one_variable_a_row(names: Sequence[str]) -> bool:
     """Whether the first line is a row such as ``1.000,33577,stateEstimate.z,0.500``."""
     numbers = [is_number(n) for n in names]
     return 2 < len(names) < 6 and numbers.count(False) == 1 and numbers[0] and numbers[-1]
+
+
+def _alternating(cells: Sequence[str]) -> list[str]:
+    """The few texts that take turns in a column from row to row; empty where each stays for long."""
+    filled = [c for c in cells if c and c != "nan"]
+    several = sorted(set(filled))
+    changes = sum(a != b for a, b in pairwise(filled))
+    return several if 1 < len(several) <= MOST_KINDS and changes > TURNS * len(filled) > 1.0 else []
 
 
 def _thousands(data: bytes, place: str, names: Sequence[str]) -> tuple[str, str] | None:

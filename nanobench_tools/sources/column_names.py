@@ -252,7 +252,7 @@ def directed(columns: Iterable[str]) -> dict[str, tuple[str, str]]:
                               for axis, letter in zip("xyz", axes, strict=True)})
         numbers = sorted(word for word in there if word.isdigit())
         letters = _COUNTED.get("".join(numbers), "")
-        vector = bool(set(before) & (_PLACE | _VELOCITY | _ACC | _GYRO))
+        vector = any(len(word) > 1 for word in set(before) & (_PLACE | _VELOCITY | _ACC | _GYRO))
         names = dict(zip(numbers, letters, strict=False)) if vector == (letters == "xyz") and (
             vector or set(before) & _TURN) else {}
         names |= {word: name for word, name in _GREEK.items() if set(_GREEK) <= set(there)}

@@ -137,3 +137,34 @@ def test_one_greek_angle_alone_is_no_pitch(tmp_path):
     t, p, _, _, turn, _ = flown()
     draft = draft_columns(written(tmp_path, {"t": t, **vector(("px", "py", "pz"), p), "theta": turn.magnitude()}))
     assert ("attitude", "pitch") not in draft.mapped
+
+
+def in_turns(kinds, values):
+    """A table whose rows are of several ``kinds`` in turns: (name of the column, its texts), (texts -> (n, 3))."""
+    name, texts = kinds
+    t = np.repeat(flown()[0], len(texts))
+    rows = np.stack(values, axis=1).reshape(-1, 3)
+    return {"t": t, name: list(texts) * len(flown()[0]), **vector(("x", "y", "z"), rows)}
+
+
+@pytest.mark.parametrize("kinds", [("sensor", ("acc", "gyro")), ("topic", ("/a", "/b")), ("rb_id", ("1", "2")),
+                                   ("kind", ("acc", "gyro"))])
+def test_rows_of_several_sensors_or_bodies_are_refused(tmp_path, kinds):
+    _, p, _, _, _, w = flown()
+    with pytest.raises(InputError, match="take turns"):
+        draft_columns(written(tmp_path, in_turns(kinds, (p, w))))
+
+
+@pytest.mark.parametrize("column", [("mode", ["HOVER"] * 300 + ["FLY"] * 500), ("rb_id", ["7"] * 800),
+                                    ("status", ["OK", *["LOST"] * 3, *["OK"] * 46] * 16)])
+def test_a_state_that_stays_is_no_turn(tmp_path, column):
+    t, p, *_ = flown()
+    flight, _ = read(written(tmp_path, {"t": t, column[0]: column[1], **vector(("x", "y", "z"), p)}))
+    np.testing.assert_allclose(flight["mocap"]["px", "py", "pz"], p, atol=1e-8)
+
+
+def test_letters_by_number_are_no_vector(tmp_path):
+    """v1 is any value."""
+    t, p, *_ = flown()
+    with pytest.raises(InputError, match="no column except 't'"):
+        draft_columns(written(tmp_path, {"t": t, **vector(("v1", "v2", "v3"), p)}))
