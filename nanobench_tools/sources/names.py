@@ -8,10 +8,6 @@ from collections.abc import Sequence
 _PIECE = re.compile(r"([^\s,;|\[\]()]+)[ ]*(?:[\[(]\s*([^\[\]()]*?)\s*[\])])?")
 _SUFFIX = re.compile(r"(.+)_(ns|us|ms|s|sec|mm|cm|m)")
 
-TIME_UNITS = {"s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s", "ms": "ms", "us": "us", "µs": "us",
-              "usec": "us", "ns": "ns", "nsec": "ns"}
-LENGTH_UNITS = {"m": "m", "meter": "m", "meters": "m", "metres": "m", "mm": "mm", "cm": "cm", "in": "in", "ft": "ft"}
-
 QUANTITIES: dict[str, tuple[str, ...]] = {
     "time": ("time", "timestamp", "timestamps", "stamp", "t", "ts", "secs", "seconds"),
     **{f"p{a}": (a, f"t{a}", f"p{a}", f"p_{a}", f"p.{a}", f"pos_{a}", f"position_{a}", f"position.{a}") for a in "xyz"},

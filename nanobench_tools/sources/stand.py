@@ -29,7 +29,6 @@ from .units_as_written import unit_as_written
 _HEADER = re.compile(r"\s*([A-Za-z][\w. ]*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
 _UNIT_BEHIND = re.compile(r"(.+)_(percent|pct|us|g|gf|grams|kgf|kg|n|lbf|v|mv|a|ma)")
 
-_SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "\u00b5s": 1e-6}
 _NUMBERED = re.compile(r"([a-z]+)_?(?:m|motor)?_?(\d)")
 _PULSED = ("us", "%")
 _FORCES = {"g": "gram_force", "kg": "kgf"}
@@ -194,9 +193,9 @@ def _times(grid: Grid, n: int) -> tuple[np.ndarray, bool]:
     increases. Otherwise the number of the row."""
     for column, values in grid.columns.items():
         match = _HEADER.fullmatch(column)
-        scale = _SECONDS.get((match[2] or "").strip()) if match and match[1].lower() in ("time", "t") else None
-        if scale is not None and np.isfinite(values).all() and (np.diff(values) > 0.0).all():
-            return np.asarray(scale * (values - values[0])), True
+        unit = unit_as_written(match[2] or "") if match and match[1].lower() in ("time", "t") else None
+        if unit in ("s", "ms", "us") and np.isfinite(values).all() and (np.diff(values) > 0.0).all():
+            return to_si(values - values[0], unit), True
     return np.arange(n, dtype=float), False
 
 

@@ -13,10 +13,12 @@ import numpy as np
 from ..units import factor
 from .cells import parse_number
 from .dialect import COMMA_NUMBER, NUMBER, normalise_text
-from .names import LENGTH_UNITS, TIME_UNITS, listed, quantity_of, split_names
+from .names import listed, quantity_of, split_names
+from .units_as_written import unit_as_written
 
 POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
 ORDER = ("time", *POSE)
+TIME_UNITS, LENGTH_UNITS = ("s", "ms", "us", "ns"), ("m", "cm", "mm", "in", "ft")
 ROWS_SEEN = 50
 SAMPLE = 1 << 13
 """Characters that are searched for decimal commas."""
@@ -106,15 +108,15 @@ def _from_names(line: str) -> tuple[Layout | None, str]:
     if missing := [q for q in ORDER if q not in at]:
         return None, f"its line of names lacks {', '.join(missing)} ({listed([n for n, _ in named])})"
     units = {q: named[k][1] or found[k][1] for q, k in at.items()}
-    time_unit = TIME_UNITS.get(units["time"].lower(), "") if units["time"] else ""
-    lengths = {units[q].lower() for q in ("px", "py", "pz")}
-    if units["time"] and not time_unit:
-        return None, f"its time is in {units['time']!r} (known: s, ms, us, ns)"
+    time_unit = unit_as_written(units["time"]) or ""
+    lengths = {units[q] and (unit_as_written(units[q]) or units[q]) for q in ("px", "py", "pz")}
+    if units["time"] and time_unit not in TIME_UNITS:
+        return None, f"its time is in {units['time']!r} (known: {', '.join(TIME_UNITS)})"
     if len(lengths) > 1 or not lengths <= {"", *LENGTH_UNITS}:
-        return None, f"its positions are in {', '.join(sorted(map(repr, lengths)))} (known: m, cm, mm, in, ft)"
+        return None, f"its positions are in {', '.join(sorted(map(repr, lengths)))} (known: {', '.join(LENGTH_UNITS)})"
     if strange := [units[q] for q in ("qx", "qy", "qz", "qw") if units[q] not in ("", "1", "-")]:
         return None, f"its quaternion is in {strange[0]!r}"
     order = tuple(at[q] for q in ORDER)
     widths = (len(named), 8) if max(order) < 8 else (len(named),)
     left = tuple(name for k, (name, _) in enumerate(named) if k not in order)
-    return Layout(order, widths, time_unit, factor(LENGTH_UNITS[lengths.pop() or "m"]), left), ""
+    return Layout(order, widths, time_unit, factor(lengths.pop() or "m"), left), ""
