@@ -36,6 +36,7 @@ _PLAIN = {"imu", "sensor", "body", "b", "filtered", "filt", "pose", "world", "gl
           "log", "data", "vehicle", "crazyflie", "quadrotor", "drone", "linear", "lin", "angular", "ang", "pm", "raw",
           "frame", "stamped", "header", "field", "volt", "volts", "v", "out", "output", "msg", "rigid",
           "level", "fixed", "frequency"}
+_WORLD = {"world", "global"}
 _DIRECTIONS = {"north": "N", "east": "E", "west": "W", "up": "U", "down": "D", **{a: a.upper() for a in "neud"}}
 _DIRECTED = re.compile(r"(p|pos|v|vel)([ned])")
 NUMBERED = "0123"
@@ -47,6 +48,9 @@ _GREEK = {"phi": "roll", "theta": "pitch", "psi": "yaw"}
 _BODY_RATES = {"p": "x", "q": "y", "r": "z"}
 _TIME = {"t", "time", "timestamp", "timestamps", "stamp", "ts", "sec", "secs", "seconds", "datetime", "elapsed",
          "boot", "utime"}
+_NO_PLACE = _MOTOR | _SPEED | _BATTERY | _THRUST | _TIME - {"t"} | {"imu", "sensor", "ang", "angular", "lin", "linear",
+                                                                    "b"}
+"""Words of vectors that are no positions, where they have a direction."""
 NAMED_BY_FILES = ("px4", "mavlink")
 """Ecosystems that write one table a topic or message, and its name into that of the file."""
 _CHARGE = {"percent", "percentage", "pct", "soc", "charge", "level", "remaining"}
@@ -98,6 +102,8 @@ def meaning(column: str) -> tuple[str, str] | str:
         return "an angular acceleration, which no task uses"
     if words[0] in ("b", "bias") and before & (_ACC | _GYRO):
         return "a bias, which no task uses"
+    if before & _WORLD and before & (_ACC | _GYRO):
+        return "of an inertial sensor, in the axes of the world"
     turning = bool(before & {"ang", "angular"} and before & (_VELOCITY | _GYRO)) or bool(before & _GYRO)
     if last in NUMBERED and before & _TURN and not wanted:
         return "attitude_qw" if estimated else "mocap", f"q{last}"
@@ -116,11 +122,14 @@ def meaning(column: str) -> tuple[str, str] | str:
             return ("setpoint", "yaw") if last == "yaw" else "an attitude set-point, which no task uses"
         return "attitude", last
     if last.isdigit() and before & (_SPEED | _MOTOR):
+        if before & _BATTERY or (wanted and before & _SPEED):
+            return "a voltage, or a commanded speed, of a motor, which no task uses"
         return ("rpm" if before & _SPEED else "motor", f"m{last}") if "0" <= last <= "8" else "no motor has this number"
     if last == "rpm" and (match := re.fullmatch(r"m?(\d)", words[-2] if len(words) > 1 else "")):
         return "rpm", f"m{match[1]}"
     if last not in ("w", "x", "y", "z"):
         return f"{last!r} is no word that is known"
+    estimated |= "imu" in before and bool(before & _TURN)
     if before & _TURN and not before & _ACC:
         return "an attitude set-point" if wanted else ("attitude_qw" if estimated else "mocap", f"q{last}")
     if last == "w" or (wanted and (turning or before & (_ACC | _VELOCITY))):
@@ -132,6 +141,8 @@ def meaning(column: str) -> tuple[str, str] | str:
     stream = "setpoint" if wanted else "estimator" if estimated else "mocap"
     if before & _VELOCITY:
         return (stream, f"v{last}") if not before & {"body", "b"} else "a velocity in the body frame"
+    if strange := sorted(before & _NO_PLACE):
+        return f"{strange[0]!r} is no position"
     return stream, last if stream != "mocap" else f"p{last}"
 
 

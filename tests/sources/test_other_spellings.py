@@ -9,6 +9,7 @@ from test_draft_axes import G, flown
 from nanobench_tools.errors import InputError
 from nanobench_tools.signals.column_draft import draft_columns
 from nanobench_tools.sources import load_recordings
+from nanobench_tools.sources.column_names import meaning
 
 TURN = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 """From east, north, up to north, east, down."""
@@ -168,3 +169,20 @@ def test_letters_by_number_are_no_vector(tmp_path):
     t, p, *_ = flown()
     with pytest.raises(InputError, match="no column except 't'"):
         draft_columns(written(tmp_path, {"t": t, **vector(("v1", "v2", "v3"), p)}))
+
+
+@pytest.mark.parametrize("stem", ["thrust_{}", "u{}", "motor_{}", "rpm_{}", "imu_{}", "sensor_{}", "angular_{}", "vbat_{}",
+                                  "acc_world_{}", "gyro_global_{}", "time_{}"])
+def test_words_that_make_no_position_and_no_inertial_sensor(stem):
+    assert all(isinstance(meaning(stem.format(axis)), str) for axis in "xyz")
+
+
+@pytest.mark.parametrize(("name", "key"), [("pos_imu_q_x", ("attitude_qw", "qx")), ("imu_qw", ("attitude_qw", "qw")),
+                                           ("body_x", ("mocap", "px")), ("world_pos_y", ("mocap", "py"))])
+def test_words_that_may_stand_before_others(name, key):
+    assert meaning(name) == key
+
+
+@pytest.mark.parametrize("name", ["esc_voltage_1", "rpm_cmd_1", "rotor_ref_2"])
+def test_voltages_and_commanded_speeds_of_motors_are_no_commands(name):
+    assert "which no task uses" in meaning(name)
