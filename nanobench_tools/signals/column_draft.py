@@ -90,9 +90,10 @@ def draft_columns(path: Path) -> ColumnDraft:
         draft.notes.append(f"no unit is stated for {', '.join(assumed)}: the one below is assumed; check it")
     pitch = draft.mapped.get(PITCH)
     if pitch is not None and f"{pitch.column}{PITCH_ASSUMED}" in " ".join(draft.notes):
-        for key in draft.columns("attitude", ("pitch", "yaw")):
-            draft.mapped[key] = replace(draft.mapped[key], status="assumed",
-                                        why=f"{sense_of(*key, draft.mapped[key].sign)} is assumed")
+        turning = [] if ("imu", "acc_z") in draft.mapped else draft.columns("imu", ("gyro_y", "gyro_z"))
+        for key in (*draft.columns("attitude", ("pitch", "yaw")), *turning):
+            sense = sense_of(*key, draft.mapped[key].sign) or "the sign of the angle"
+            draft.mapped[key] = replace(draft.mapped[key], status="assumed", why=f"{sense} is assumed")
     return ColumnDraft(as_toml(path, draft), {k: (d.column, d.unit) for k, d in draft.mapped.items()}, draft.unknown,
                        tuple(draft.notes), tuple(draft.questions),
                        {d.column: d.status for d in draft.mapped.values()})

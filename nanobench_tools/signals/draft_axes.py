@@ -29,6 +29,7 @@ DOWN = "NED"
 UPWARDS = 0.9
 """Share of the mean specific force that points upwards, where attitude and accelerometer have the same body axes."""
 ANGLES = ("roll", "pitch", "yaw")
+AS_STORED = ("", 1.0, 1.0)
 
 
 def judge_axes(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarray) -> None:
@@ -189,13 +190,32 @@ def _angle_signs(draft: Draft, values: Mapping[str, np.ndarray], step_s: float) 
                    for key in (("attitude", ANGLES[axis]), ("imu", f"gyro_{'xyz'[axis]}"))],
                   "the gyro turns against the attitude; which is negated? write sign = -1 there"
                   + (', or frame = "FRD" in [streams.imu]' if against == [1, 2] else ""))
+    elif found.sign[:2] == (1, 1):
+        force = draft.mapped.get(("imu", "acc_z"))
+        if force is not None and float(np.nanmedian(force.sign * values[force.column])) > 0.0:
+            draft.notes[:] = [n for n in draft.notes if PITCH_ASSUMED not in n]  # z up, for the gyro as well
+        _body_by_path(draft, _follows(draft, values, angles, step_s))
 
 
-def _angle_signs_by_path(draft: Draft, values: Mapping[str, np.ndarray], angles: np.ndarray, step_s: float) -> None:
-    """Without a gyro the path shows the signs: the vehicle speeds up towards the side to which it tilts."""
+def _body_by_path(draft: Draft, follows: Mapping[tuple[str, float, float], float]) -> None:
+    """Angles and a gyro that agree may both be of a body whose z points down: the path shows it."""
+    if not follows:
+        return
+    stored, best = follows[AS_STORED], max(follows.values())
+    if best > max(FITS, stored + CLEARLY):
+        draft.ask([*draft.columns("attitude", ANGLES), *draft.columns("imu", [f"gyro_{a}" for a in "xyz"])],
+                  "the gyro turns with the angles, but the vehicle speeds up against their tilt. Is z of the body "
+                  'down? If so, write frame = "FRD" in [streams.imu], and sign = -1 at pitch and yaw')
+    elif stored > FITS:
+        draft.notes[:] = [n for n in draft.notes if PITCH_ASSUMED not in n]
+
+
+def _follows(draft: Draft, values: Mapping[str, np.ndarray], angles: np.ndarray, step_s: float
+             ) -> dict[tuple[str, float, float], float]:
+    """(reading of the yaw, sign of roll, of pitch) -> correlation of tilt and acceleration; empty without a path."""
     path = _vector(draft, values, [("mocap", f"p{a}") for a in "xyz"])
     if path is None:
-        return
+        return {}
     follows = {}
     yaws = {"": angles[:, 2], "clockwise from x": -angles[:, 2],
             "clockwise from y, as a compass": np.pi / 2 - angles[:, 2]}
@@ -203,9 +223,17 @@ def _angle_signs_by_path(draft: Draft, values: Mapping[str, np.ndarray], angles:
         read = np.stack([yaws[reading], pitch * angles[:, 1], roll * angles[:, 0]], axis=1)
         turn = Rotation.from_euler("ZYX", read).as_quat()
         tilt = tilts_of(step_s * np.arange(len(path)), path, turn).get((UP, UP))
-        follows[reading, roll, pitch] = math.nan if tilt is None else tilt.each
+        follows[reading, roll, pitch] = -1.0 if tilt is None or math.isnan(tilt.each) else tilt.each
+    return follows
+
+
+def _angle_signs_by_path(draft: Draft, values: Mapping[str, np.ndarray], angles: np.ndarray, step_s: float) -> None:
+    """Without a gyro the path shows the signs: the vehicle speeds up towards the side to which it tilts."""
+    follows = _follows(draft, values, angles, step_s)
+    if not follows:
+        return
     stored = [signs for signs in follows if not signs[0]]
-    best, any_best = (max(of, key=lambda signs: np.nan_to_num(follows[signs], nan=-1.0)) for of in (stored, follows))
+    best, any_best = (max(of, key=follows.__getitem__) for of in (stored, follows))
     turned = float(np.ptp(np.quantile(np.unwrap(angles[:, 2]), (0.05, 0.95))))
     if any_best[0] and turned > LEAST_TURN_RAD and follows[any_best] > max(FITS, follows[best] + CLEARLY):
         draft.ask([("attitude", "yaw")], "the vehicle speeds up towards its tilt where the yaw is counted "
@@ -213,7 +241,7 @@ def _angle_signs_by_path(draft: Draft, values: Mapping[str, np.ndarray], angles:
         return
     if not follows[best] > FITS:
         return
-    if best == ("", 1.0, 1.0):
+    if best == AS_STORED:
         draft.notes[:] = [n for n in draft.notes if PITCH_ASSUMED not in n]
     elif best == ("", 1.0, -1.0):
         _turn_pitch(draft, "the vehicle speeds up the other way")

@@ -171,8 +171,8 @@ def test_letters_by_number_are_no_vector(tmp_path):
         draft_columns(written(tmp_path, {"t": t, **vector(("v1", "v2", "v3"), p)}))
 
 
-@pytest.mark.parametrize("stem", ["thrust_{}", "u{}", "motor_{}", "rpm_{}", "imu_{}", "sensor_{}", "angular_{}", "vbat_{}",
-                                  "acc_world_{}", "gyro_global_{}", "time_{}"])
+@pytest.mark.parametrize("stem", ["thrust_{}", "u{}", "motor_{}", "rpm_{}", "imu_{}", "sensor_{}", "angular_{}",
+                                  "vbat_{}", "acc_world_{}", "gyro_global_{}", "time_{}"])
 def test_words_that_make_no_position_and_no_inertial_sensor(stem):
     assert all(isinstance(meaning(stem.format(axis)), str) for axis in "xyz")
 
@@ -186,3 +186,34 @@ def test_words_that_may_stand_before_others(name, key):
 @pytest.mark.parametrize("name", ["esc_voltage_1", "rpm_cmd_1", "rotor_ref_2"])
 def test_voltages_and_commanded_speeds_of_motors_are_no_commands(name):
     assert "which no task uses" in meaning(name)
+
+
+DOWN = np.array([1.0, -1.0, -1.0])
+
+
+def aviation(folder, *, path=True, force=False, sign=DOWN):
+    """Angles and a gyro of a body with z down (or up)."""
+    t, p, _, a, turn, w = flown()
+    columns = {"t": t, **vector(("phi", "theta", "psi"), sign * turn.as_euler("ZYX")[:, ::-1]),
+               **vector(("p", "q", "r"), sign * w)}
+    columns |= vector(("px", "py", "pz"), p) if path else {}
+    columns |= vector(("acc_x", "acc_y", "acc_z"), turn.inv().apply(a + G)) if force else {}
+    return draft_columns(written(folder, columns))
+
+
+def test_the_path_shows_a_body_with_z_down_though_angles_and_gyro_agree(tmp_path):
+    draft = aviation(tmp_path)
+    assert not {"attitude", "imu"} & {stream for stream, _ in draft.mapped}
+    assert "Is z of the body down?" in draft.questions[0]
+
+
+@pytest.mark.parametrize(("path", "force"), [(True, False), (False, True)])
+def test_path_or_accelerometer_show_the_sign_of_a_pitch(tmp_path, path, force):
+    draft = aviation(tmp_path, path=path, force=force, sign=1.0)
+    assert draft.questions == ()
+    assert not any("positive nose down" in note for note in draft.notes)
+
+
+def test_angles_and_gyro_alone_leave_both_signs_assumed(tmp_path):
+    draft = aviation(tmp_path, path=False)
+    assert {draft.status[c] for c in ("theta", "psi", "q", "r")} == {"assumed"}
