@@ -206,6 +206,7 @@ def _without_placeholders(draft: Draft, table: Table) -> None:
 
 def _without_nines(draft: Draft, table: Table) -> None:
     """A number such as 9999 that several rows have, and that is far from all others, is no reading."""
+    found: dict[float, list[str]] = {}
     for key, drafted in draft.mapped.items():
         cells = table.values.get(drafted.column)
         if cells is None or key == TIME or drafted.invalid is not None:
@@ -215,8 +216,10 @@ def _without_nines(draft: Draft, table: Table) -> None:
         if re.fullmatch(r"-?99+(\.9+)?", f"{largest:.12g}") and np.sum(cells == largest) >= FEWEST_NINES and len(
                 others) and FAR * others.max() < abs(largest):
             draft.mapped[key] = replace(drafted, invalid=float(largest))
-            draft.notes.append(f"{drafted.column}: {largest:g} is no reading, since no other number is near it")
+            found.setdefault(float(largest), []).append(drafted.column)
             table.values[drafted.column] = np.where(cells == largest, np.nan, cells)
+    draft.notes += [f"{', '.join(columns)}: {value:g} is no reading, since no other number is near it"
+                    for value, columns in found.items()]
 
 
 def _topic_of_px4(table: Table) -> str:
