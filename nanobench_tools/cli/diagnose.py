@@ -24,11 +24,12 @@ from ..steps.options import Options
 from ..steps.show import data_word
 from ..tables.result_table import Table as Grid
 from .closing import again, close, shortened, shown_page
-from .known_options import Known, knows
+from .known_options import knows
 from .shared_options import PATH, shared_options
 
 if TYPE_CHECKING:
     from identification.mismatch.recordings import Recordings
+    from identification.mismatch.steady.known import Known
     from identification.mismatch.verdict import Verdict
 
     from ..flight import Flight

@@ -16,7 +16,7 @@ from ..steps.options import Options, one_line
 from ..steps.show import data_word
 from ..tables.result_table import Table as Grid
 from .closing import again, close, shown_page
-from .known_options import Known, knows
+from .known_options import knows
 from .prove_corrupted import DEFAULT_PLACES
 from .prove_corrupted import corrupted as wrong_simulators
 from .prove_shipped import shipped as shipped_wrong
@@ -26,6 +26,7 @@ from .shared_options import PATH, shared_options
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from identification.mismatch.steady.known import Known
     from identification.prove.blind_proof import Proof
     from identification.prove.concealed import RealProof
     from identification.prove.folder_score import FolderProof

@@ -62,12 +62,12 @@ class Case:
         self._factors.clear()
 
 
-def build(wrench: Wrench, space: Space, simulator: Model, seed: int = 0) -> Case:
+def build(wrench: Wrench, space: Space, simulator: Model) -> Case:
     """Compute everything that does not depend on the set of effects."""
     space = within_reach(wrench, space)
     arm = arms(simulator)
     effects = effects_of(wrench, space, simulator)
-    background = background_of(wrench, space, effects, arm, seed)
+    background = background_of(wrench, space, effects, arm)
     owner = np.repeat(np.arange(len(effects)), [e.width for e in effects])
     force = np.concatenate([e.force for e in effects], 2)
     torque = np.concatenate([e.torque for e in effects], 2)

@@ -30,6 +30,7 @@ MATTERS_M_S2 = number("posterior.decision.matters_m_s2")
 """Unmodelled physics below this is as good as flights allow."""
 OUTWEIGHS = number("posterior.decision.outweighs")
 """Times the force that no effect explains."""
+DECISIVE = number("posterior.decision.decisive")
 KINDS = count("posterior.decision.kinds")
 """Kinds of effects that one finding may leave open."""
 NINETY_FIVE = 1.96
@@ -43,6 +44,7 @@ ALWAYS = ("mass", "thrust_scale")
 IN_MOTION = "at rest less than half of it is there"
 BEYOND = "its best size lies on a bound of what such a vehicle can have"
 INCLUDES = "the 95 % interval includes the simulator's value"
+SCATTERS = "its size scatters between flights by as much"
 SHOWS = 0.3
 """An effect shows along an axis from this share of its strongest one on."""
 
@@ -181,15 +183,33 @@ def _certain_of_size(weighing: Weighing) -> tuple[tuple[int, ...], dict[tuple[in
 def _certainty(case: Case, which: int, found: Refined) -> float:
     """Distance between the simulator and an effect of a set, relative to the 95 % limit.
 
-    The smallest one counts: that of its best known parameter, that of the region of all its directions, or
-    ``_over_error``.
+    The smallest one counts: that of its best known parameter, that of the region of all its directions,
+    ``_over_error``, or ``_over_scatter``.
     """
-    ends = np.concatenate([[0], np.cumsum([case.effects[i].width for i in found.chosen])])
-    mine = slice(*ends[found.chosen.index(which):][:2].astype(int))
-    part, covariance = found.step[mine], found.covariance[mine, mine]
-    region = np.sqrt(part @ np.linalg.solve(covariance, part) / chi2.ppf(0.95, len(part)))
     alone = max(size.share for size in _sizes(case, which, found).values())
-    return float(min(region, alone, _over_error(case, which, found)))
+    return float(min(_region(case, which, found, found.covariance), alone, _over_error(case, which, found),
+                     _over_scatter(case, which, found)))
+
+
+def _region(case: Case, which: int, found: Refined, covariance: np.ndarray) -> float:
+    """Distance relative to the limit of the 95 % region of all directions of an effect."""
+    mine = _mine(case, which, found)
+    part = found.step[mine]
+    return float(np.sqrt(part @ np.linalg.solve(covariance[mine, mine], part) / chi2.ppf(0.95, len(part))))
+
+
+def _over_scatter(case: Case, which: int, found: Refined) -> float:
+    """As ``_region``, with the scatter between flights. It decides unless the evidence for the effect alone is
+    DECISIVE: flights may differ in the size of an effect that is there beyond doubt."""
+    if case.evidence.weighed((which,))[0] >= DECISIVE:
+        return float("inf")
+    return _region(case, which, found, found.spread(case))
+
+
+def _mine(case: Case, which: int, found: Refined) -> slice:
+    """Coefficients of one effect among those of a set."""
+    ends = np.concatenate([[0], np.cumsum([case.effects[i].width for i in found.chosen])])
+    return slice(*ends[found.chosen.index(which):][:2].astype(int))
 
 
 def _over_error(case: Case, which: int, found: Refined) -> float:
@@ -208,7 +228,9 @@ def _uncertain(case: Case, which: int, found: Refined) -> str | None:
         return None
     if _over_error(case, which, found) <= 1.0:
         return f"{_size_of(case, which, found):.2g} m/s^2, by which any term may be off"
-    return f"{INCLUDES}: {_shortest(_sizes(case, which, found))}"
+    sizes = _sizes(case, which, found)
+    sure = max(size.share for size in sizes.values()) > 1.0 and _region(case, which, found, found.covariance) > 1.0
+    return f"{SCATTERS if sure else INCLUDES}: {_shortest(sizes)}"
 
 
 def _standing(weighing: Weighing, chosen: tuple[int, ...], rejected: dict[str, str]) -> Refined:
@@ -245,11 +267,13 @@ def _overshadowed(case: Case, found: Refined) -> dict[int, str]:
     """{number: reason} of the smallest effect, if it is masked: less than OUTWEIGHS times the unexplained force.
 
     Such a force could imitate the effect, if it acts along the same axes. That of the background has no mean, so it
-    cannot imitate the constant part of an effect; ``strained`` forces can. Empty if the unexplained force is too small
-    to matter. Effects that act more as a moment are compared with the moment of ``strained`` errors.
+    cannot imitate the constant part of an effect. ``strained`` forces can, and so can a force of the place, whose mean
+    may be as large as its changes. Empty if the unexplained force is too small to matter. Effects that act more as a
+    moment are compared with the moment of ``strained`` errors.
     """
-    mine = np.isin(case.background.group, FORCES)
-    along = ((case.background.force[..., mine] @ nuisance(case, found)[case.evidence.P:][mine]) ** 2).mean(0)
+    coefficients, groups = nuisance(case, found)[case.evidence.P:], case.background.group
+    along, placed = (((case.background.force[..., mine] @ coefficients[mine]) ** 2).mean(0)
+                     for mine in (np.isin(groups, FORCES), groups == "place"))
     pushed, turned = strained(case, found)
     constant, imitated = (pushed**2).mean(0), float(turning_size(turned, case.arm))
     strain = float(np.hypot(np.sqrt(constant.sum()), imitated))
@@ -259,7 +283,8 @@ def _overshadowed(case: Case, found: Refined) -> dict[int, str]:
         force = (acts**2).mean(0)
         varies = (force - acts.mean(0) ** 2).sum() / max(force.sum(), 1e-12)
         push, turn = float(np.sqrt(force.sum())), float(turning_size(case.effects[i].torque @ part, case.arm))
-        left = float(np.sqrt(len(force) * force @ (varies * along + constant) / max(force.sum(), 1e-12)))
+        like = varies * along + (1.0 - varies) * placed + constant
+        left = float(np.sqrt(len(force) * force @ like / max(force.sum(), 1e-12)))
         if left >= MATTERS_M_S2 and turn < push < OUTWEIGHS * left:
             masked[i] = push, left
         elif strain >= MATTERS_M_S2 and push <= turn < OUTWEIGHS * imitated:
@@ -412,9 +437,7 @@ def _inside_bounds(weighing: Weighing, best: tuple[int, ...]) -> tuple[int, ...]
 
 
 def _sizes(case: Case, which: int, found: Refined) -> dict[str, Size]:
-    ends = np.concatenate([[0], np.cumsum([case.effects[i].width for i in found.chosen])])
-    at = found.chosen.index(which)
-    mine = slice(int(ends[at]), int(ends[at + 1]))
+    mine = _mine(case, which, found)
     effect, part, covariance = case.effects[which], found.step[mine], found.covariance[mine, mine]
     if effect.map_share:
         return {f"{effect.term}.share": Size(0.0, float(part[0]), NINETY_FIVE * float(np.sqrt(covariance[0, 0])), "1")}

@@ -250,12 +250,15 @@ def _of_list(term: str, pairs: Sequence[Pair], names: Sequence[str], model: Mode
 
 
 def _of_map(term: str, pairs: Sequence[Pair], names: Sequence[str], whole: Pair, curve: Curve) -> list[Effect]:
-    """The shape of a thrust map: independent directions of its coefficients, without thrust as a whole (``whole``)."""
+    """The shape of a thrust map: independent directions of its coefficients, without thrust as a whole (``whole``).
+    None where a limit hides the map at all times."""
     force, torque = _stacked(pairs)
     flat, level = force.reshape(-1, force.shape[2]), whole[0].ravel()
-    share = (level @ flat) / (level @ level)
+    share = (level @ flat) / max(float(level @ level), 1e-30)
     _, size, right = np.linalg.svd(flat - np.outer(level, share), full_matrices=False)
-    keep = size > DISTINCT * size[0]
+    keep = size > max(DISTINCT * float(size[0]), 1e-12)
+    if not keep.any():
+        return []
     ways = right[keep].T / (size[keep] / np.sqrt(len(force)))
     lower, upper = np.array([curve.room(way) for way in ways.T]).T
     force, torque = (part @ ways - all_of_it[..., None] * (share @ ways)

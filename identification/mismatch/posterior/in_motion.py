@@ -32,8 +32,10 @@ def only_in_motion(case: Case, found: Refined, which: int) -> bool:
     reduced = case.beside(case.across(case.rows.of(*changes) + slopes(case, found.chosen, found.step, unit)),
                           found.chosen)
     size = found.step * unit
+    if size[mine] == 0.0:
+        return False
     prior = np.concatenate([[abs(size[mine])], found.slab])
     covariance = np.linalg.inv(reduced[:-1, :-1] + np.diag(prior**-2.0))
     likely = covariance @ (reduced[:-1, -1] + reduced[:-1, 1:-1] @ size)
     driven, whole = float(likely[0]), float(likely[1 + mine])
-    return driven / whole > 1.0 - LEAST and abs(driven) > CERTAIN * float(np.sqrt(covariance[0, 0]))
+    return driven * whole > (1.0 - LEAST) * whole**2 and abs(driven) > CERTAIN * float(np.sqrt(covariance[0, 0]))

@@ -69,7 +69,7 @@ def diagnose_flights(flights: Sequence[Flight], simulator: Model, *, seed: int =
 def weighed(recordings: Recordings, wrench: Wrench, simulator: Model, seed: int) -> tuple[Case, Predictions]:
     """All columns around a simulator with the evidence of all sets of effects, and the predictions of left-out
     flights."""
-    case = build(wrench, space_around(simulator, wrench.unasked), simulator, seed)
+    case = build(wrench, space_around(simulator, wrench.unasked), simulator)
     case.evidence.learn()
     case.evidence.weigh()
     return case, Predictions(case, recordings.names, seed)

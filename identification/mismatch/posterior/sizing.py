@@ -26,6 +26,8 @@ WIDE = 3.0
 simulator."""
 CERTAIN = 1.96
 """Standard deviations outside a bound, from which on the flights contradict it."""
+FEWEST = 3
+"""Flights whose scatter is a measure."""
 INSIDE = 0.98
 """Share of its room that an effect may take."""
 
@@ -49,6 +51,18 @@ class Refined:
     slab: np.ndarray
     beyond: np.ndarray
     log: float
+
+    def spread(self, case: Case) -> np.ndarray:
+        """(k, k) covariance with the scatter between flights, by the jackknife: a wrong effect takes another size in
+        each flight. Source: Efron and Stein 1981, Annals of Statistics 9(3). Effects far from linear have none, since
+        slopes where the flights together end do not hold for each flight."""
+        many = len(case.flights)
+        if many < FEWEST or self.across is None:
+            return self.covariance
+        linear = np.array([not case.effects[i].far for i in self.chosen for _ in range(case.effects[i].width)])
+        each = np.array([self.without(case, [int(f)]) for f in case.flights])
+        away = (each - each.mean(0)) * linear
+        return np.asarray(self.covariance + (many - 1.0) / many * away.T @ away)
 
     def without(self, case: Case, flights: Sequence[int]) -> np.ndarray:
         """The step on the other flights."""

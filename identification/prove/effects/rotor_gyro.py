@@ -11,13 +11,13 @@ from .effect import Air, Effect, Parameters, near
 class RotorGyro(Effect):
     name = "rotor_gyro"
     parameters = ("J_r",)
-    sizes: ClassVar = {"small": "1e-7 kg m^2, five times a real propeller of this size", "medium": "5e-7",
-                        "large": "2e-6"}
+    sizes: ClassVar = {"small": "2e-8 kg m^2, a real propeller of this size", "medium": "7e-8",
+                        "large": "2e-7"}
     wants = ("spinning", "fast", "turning")
 
     @staticmethod
     def draw(size: str, rng: np.random.Generator, airframe: Airframe) -> Parameters:
-        return {"J_r": -near(rng, {"small": 1e-7, "medium": 5e-7, "large": 2e-6}[size])}
+        return {"J_r": -near(rng, {"small": 2e-8, "medium": 7e-8, "large": 2e-7}[size])}
 
     def moment(self, air: Air) -> np.ndarray:
         momentum = self.a["J_r"] * sum(s * omega for s, omega in zip(SPIN, air.rotor, strict=True))

@@ -36,14 +36,15 @@ def masked(monkeypatch, left_m_s2, sign, strained_force, strained_moment=0.0):
 
 @pytest.mark.parametrize(("left_m_s2", "sign", "strained_m_s2", "rejected"), [
     ((0.29, 0.29, 0.29), -1.0, 0.0, []), ((0.31, 0.31, 0.31), -1.0, 0.0, []), ((0.34, 0.34, 0.34), -1.0, 0.0, [0]),
-    ((1.0, 1.0, 1.0), -1.0, 0.0, [0]), ((0.0, 0.0, 9.0), -1.0, 0.0, []), ((1.0, 1.0, 1.0), 1.0, 0.0, []),
+    ((1.0, 1.0, 1.0), -1.0, 0.0, [0]), ((0.0, 0.0, 9.0), -1.0, 0.0, []), ((0.0, 1.0, 1.0), 1.0, 0.0, []),
+    ((1.0, 0.0, 0.0), 1.0, 0.0, [0]),
     ((0.0, 0.0, 0.0), 1.0, 0.19, []), ((0.0, 0.0, 0.0), 1.0, 0.20, [0])])
 def test_a_force_is_identified_only_where_it_outweighs_what_no_effect_explains(monkeypatch, left_m_s2, sign,
                                                                                strained_m_s2, rejected):
     """Pushes of 0.5 and 1.8 m/s^2 along x that change their sign, and a moment, which no force hides: the weaker push
     goes first. One along z cannot imitate it, nor one without a mean a constant push. Numbers are for a force of that
-    length, equal along all axes; the fifth along z, the sixth beside constant pushes. The last two are errors of terms
-    that are too large, along x: they imitate constant pushes, too."""
+    length, equal along all axes; the fifth along z, the sixth next to constant pushes. The seventh is a force of the
+    place, along x, and the last two are errors of terms that are too large: they imitate constant pushes, too."""
     assert masked(monkeypatch, left_m_s2, sign, strained_m_s2) == rejected
 
 
@@ -116,12 +117,24 @@ def test_an_effect_that_gave_way_does_not_come_back_for_one_on_its_bound(monkeyp
 @pytest.mark.parametrize(("part", "certain"), [([2.2, 0.0], False), ([2.6, 0.0], True), ([1.9, 1.9], False)])
 def test_several_directions_have_to_leave_their_common_region(part, certain):
     """Two independent directions of unit error: the 95 % region ends at 2.45, the root of 5.99; one alone at 1.96."""
+    assert certainty_of(part, np.eye(2), 1.0) == certain
+
+
+@pytest.mark.parametrize(("evidence", "certain"), [(4.0, False), (6.0, True)])
+def test_flights_that_differ_by_as_much_show_only_what_is_beyond_doubt(evidence, certain):
+    """2.6 of unit error, with twice that from flight to flight."""
+    assert certainty_of([2.6, 0.0], 5.0 * np.eye(2), evidence) == certain
+
+
+def certainty_of(part, spread, evidence):
     model = SimpleNamespace(parameters={"a": 0.0, "b": 0.0}, names=("a", "b"), units=("1", "1"))
     case = SimpleNamespace(effects=[SimpleNamespace(width=2, map_share=False, far=False, term="x",
                                                     moves={"a": np.array([1.0, 0.0]), "b": np.array([0.0, 1.0])})],
-                           space=SimpleNamespace(model=model), simulator=SimpleNamespace(parameters={}))
-    found = SimpleNamespace(chosen=(0,), step=np.array(part), covariance=np.eye(2), model=model)
-    assert (decision._certainty(case, 0, found) > 1.0) == certain
+                           space=SimpleNamespace(model=model), simulator=SimpleNamespace(parameters={}),
+                           evidence=SimpleNamespace(weighed=lambda chosen: (evidence, None, None)))
+    found = SimpleNamespace(chosen=(0,), step=np.array(part), covariance=np.eye(2), model=model,
+                            spread=lambda case: spread)
+    return decision._certainty(case, 0, found) > 1.0
 
 
 @pytest.mark.parametrize(("far", "part", "ratio"), [(True, 0.5, 0.75), (True, 1.0, 1.5), (False, 0.1, np.inf)])

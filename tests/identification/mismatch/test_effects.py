@@ -35,3 +35,14 @@ def test_every_effect_that_a_simulator_may_lack_is_asked():
     for effect in found:
         size = np.abs(effect.force).max() + (np.abs(effect.torque).max() if effect.torque.size else 0.0)
         assert size > 0.0, effect.term
+
+
+def test_a_limit_below_every_command_hides_the_shape_of_the_thrust_map():
+    """All thrusts are 0.03 N, whatever the map: it has no direction, and the other terms are still asked for."""
+    model = MODEL.with_term("saturation", T_max_N=0.03)
+    wrench = wrench_of(MODEL, flights=1, seconds=6.0)
+    found = effects_of(wrench, within_reach(wrench, space_around(model)), model)
+    terms = [e.term for e in found if not e.map_share]
+    assert "thrust_voltage" not in terms
+    assert {"saturation", "mass", "drag_linear"} <= set(terms)
+    assert all(np.isfinite(e.force).all() for e in found)

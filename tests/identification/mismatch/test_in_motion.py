@@ -44,3 +44,7 @@ def test_a_force_that_is_gone_at_rest_is_no_mass(monkeypatch, by_speed, moving):
 def test_flights_that_never_rest_show_nothing(monkeypatch):
     """Between 1.9 and 2 m/s a mass and a force that grows with the speed differ by less than the noise."""
     assert not said(monkeypatch, 0.1 * COLUMN * SPEED + RNG.normal(size=400), resting=1.9)
+
+
+def test_an_effect_of_size_zero_does_not_depend_on_the_speed(monkeypatch):
+    assert said(monkeypatch, np.zeros(400)) is False

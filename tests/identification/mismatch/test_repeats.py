@@ -35,7 +35,7 @@ def test_a_force_of_the_place_repeats_and_one_of_time_alone_does_not(push, repea
     assert found.matters(0.05) == repeated
     if repeated:
         assert found.group == "place"
-        assert 0.3 < found.size_m_s2 < 0.8
+        assert 0.2 < found.size_m_s2 < 0.8  # a flight that was left out knows less
     else:
         assert found.share < 0.05
 

@@ -45,7 +45,7 @@ def test_hidden_drag_of_a_hexarotor_is_named(flights):
 @pytest.mark.slow
 def test_a_weak_motor_of_six_is_named():
     true = HEXA.with_term("motor_imbalance", g=(1.02, 1.02, 0.9, 1.02, 1.02, 1.02))
-    verdict = diagnose_flights(flights_of(true, seconds=10.0), HEXA)
+    verdict = diagnose_flights(flights_of(true, seconds=15.0), HEXA)
     assert {"motor_imbalance", "com_offset"} == {verdict["findings"][0]["term"], *verdict["findings"][0]["equivalent"]}
 
 
@@ -53,7 +53,7 @@ def test_a_weak_motor_of_six_is_named():
 @pytest.mark.parametrize(("rotors", "mass_kg", "arm_m"), [(3, 0.03, 0.05), (8, 5.0, 0.5)])
 def test_hidden_mass_of_other_vehicles(rotors, mass_kg, arm_m):
     true = model_of(rotors, mass_kg, arm_m)
-    verdict = diagnose_flights(flights_of(true, 2, seconds=8.0), true.on(mass_kg=0.93 * mass_kg))
+    verdict = diagnose_flights(flights_of(true, 3, seconds=8.0), true.on(mass_kg=0.93 * mass_kg))
     finding = verdict["findings"][0]
     assert "mass" in (finding["term"], *finding["equivalent"])
     assert len(verdict["findings"]) == 1
