@@ -17,7 +17,8 @@ with open("no_drag.toml", "w") as file:
 
 found = nb.diagnose(flights, "no_drag.toml")
 print(found.sentence)
-print(found.findings[["term", "or", "confidence", "believed", "value", "unit"]].to_string(index=False, float_format="{:.3g}".format))
+columns = ["term", "or", "confidence", "believed", "value", "unit"]
+print(found.findings[columns].to_string(index=False, float_format="{:.3g}".format))
 
 # %% [markdown]
 # Three terms explain the residual equally well on these short flights, and they are reported as one class. The residual
