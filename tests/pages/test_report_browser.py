@@ -250,7 +250,8 @@ def test_the_slider_shows_where_everything_was_and_says_it(desk):
     page = desk.choose("loop one").seen("flight")
     page.page.evaluate("""() => { const s = document.querySelector("#fig-flight .cursor input"); s.value = 10.0;
                                   s.dispatchEvent(new Event("input")); }""")
-    page.page.wait_for_function("document.querySelector('#fig-flight .plot').data.at(-1).x[0] !== null")
+    page.page.wait_for_function("""() => document.querySelector("#fig-flight .plot").data.filter(
+        t => t.mode === "markers" && t.meta === "motion capture").every(t => t.x[0] > 0.5)""")
     said = page.page.inner_text("#fig-flight output")
     assert said.startswith("10.00 s · position error 100 mm · attitude error 10 deg")
     assert page.page.get_attribute("#fig-flight .cursor input", "aria-valuetext") == said
