@@ -27,6 +27,7 @@ from .gain_error import gain_error
 MOST = count("posterior.background.most")
 WHOLE = number("posterior.background.whole")
 POINTS = 500
+"""Rows from which the functions of a Gaussian process are made."""
 PLACE_LENGTH = number("posterior.background.place_length")
 AIR_LENGTH = number("posterior.background.air_length")
 THRUST_LENGTH = 0.8

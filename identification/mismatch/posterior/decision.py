@@ -31,6 +31,7 @@ MATTERS_M_S2 = number("posterior.decision.matters_m_s2")
 OUTWEIGHS = number("posterior.decision.outweighs")
 """Times the force that no effect explains."""
 DECISIVE = number("posterior.decision.decisive")
+"""Nats: evidence for an effect alone, from which on it is there although flights differ in its size."""
 KINDS = count("posterior.decision.kinds")
 """Kinds of effects that one finding may leave open."""
 NINETY_FIVE = 1.96

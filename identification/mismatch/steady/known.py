@@ -35,3 +35,4 @@ class Known:
 
 
 NOTHING = Known()
+"""The user knows nothing of this."""
