@@ -63,7 +63,7 @@ def given(flights: Iterable[Flight] = (), **options: Any) -> Options:
 
 def several(flights: Flight | Iterable[Flight]) -> list[Flight]:
     """One flight or many as a list with unique names. UsageError for anything else, and for none that is a flight."""
-    found = [flights] if isinstance(flights, Flight) else list(flights)
+    found = [flights] if isinstance(flights, Flight) or not isinstance(flights, Iterable) else list(flights)
     strange = next((f for f in found if not isinstance(f, Flight)), None)
     if strange is not None:
         hint = "nb.load(path) reads flights" if isinstance(strange, (str, Path)) else "see Flight.from_pandas"

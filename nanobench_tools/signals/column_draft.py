@@ -33,6 +33,7 @@ from ..sources.column_names import (
 )
 from ..sources.lost_poses import POSITION, placeholders
 from ..sources.stand import is_a_stand
+from ..sources.timestamps import counted_on
 from ..sources.topic_columns import topic_columns
 from ..sources.tum_layout import NORM_TOLERANCE
 from ..units import GRAVITY_M_S2, factor
@@ -149,6 +150,8 @@ def _name(draft: Draft, table: Table, path: Path) -> None:
         draft.mapped[key] = Drafted(column, unit if known_unit else allowed[0],
                                     "known" if known_unit or len(allowed) == 1 else "assumed",
                                     "stated" if known_unit else "")
+    for key in [key for key, d in draft.mapped.items() if d.column in table.dates and key != TIME]:
+        draft.unknown[draft.mapped.pop(key).column] = "its cells are dates"
 
 
 def _in_axes(draft: Draft, key: Key, axes: str, column: str) -> None:
@@ -261,7 +264,9 @@ def _time(draft: Draft, table: Table, place: str) -> np.ndarray:
         draft.mapped[TIME] = replace(time, unit=DATES, status="known", why="dates")
         seconds = table.dates[time.column]
         return np.asarray(seconds - seconds[np.isfinite(seconds)][:1])
-    stamps = table.values[time.column]
+    stamps = counted_on(table.values[time.column])
+    if stamps is not table.values[time.column]:
+        draft.notes.append(f"{time.column}: a counter that begins again at 0, and is counted on")
     rest, rest_unit = rest_of_seconds(time.column, table.values)
     if rest and float(np.nanmax(table.values[rest], initial=0.0)) * factor(rest_unit) <= 1.0:
         seconds = stamps + table.values[rest] * factor(rest_unit)
@@ -283,9 +288,11 @@ def _time(draft: Draft, table: Table, place: str) -> np.ndarray:
     if not fits:
         raise InputError(f"{place}: column {time.column}", f"rows are {step:g} apart: in no unit a recording's time",
                          "write its unit in the map, or name another column t")
+    dated = [u for u in fits if evidence.is_recent(float(stamps[np.isfinite(stamps)][0]) * factor(u))]
+    if time.unit == "ns" and time.why != "stated" and not dated and len(fits) > 1:
+        time = replace(time, status="assumed")  # an ecosystem whose nanoseconds are since 1970, and these are not
     if unit not in fits or time.status != "known":
         unit = fits[0]
-    dated = [u for u in fits if evidence.is_recent(float(stamps[np.isfinite(stamps)][0]) * factor(u))]
     if len(dated) == 1 and (unit != dated[0] or len(fits) > 1):
         draft.mapped[TIME] = replace(time, unit=dated[0], status="shown", why="seconds since 1970 in this unit")
         if unit != dated[0] and time.status == "known":

@@ -91,7 +91,8 @@ def read_table(path: Path) -> Table:
             raise InputError(f"{place}: column {name}", f"rows of {', '.join(several)} take turns: they are of several "
                              "sensors or bodies", "write the rows of each to a separate table")
     if cells:
-        dates = {n: seconds_of_dates(c) for n, c in cells.items() if looks_like_dates(c)}
+        dates = {n: seconds for n, c in cells.items() if looks_like_dates(c) and np.isfinite(
+            seconds := seconds_of_dates(c)).any()}
     values = {name: np.asarray(column, dtype=float) for name, column in grid.columns.items()}
     return Table(values, dates, [n for n in grid.text if n not in dates], grid.units)
 

@@ -58,7 +58,7 @@ def derivatives_of(context: Context) -> MocapDerivatives | None:
     pose = pose / np.array([*[context.once(tracker_scale)] * 3, 1.0, 1.0, 1.0, 1.0])
     keep = ~held.any & (np.abs(pose[:, 3:]).max(axis=1) > 0.1)
     t, pose = stream.time_s[keep], pose[keep]
-    if len(t) < 20 or t[-1] - t[0] < 1.0 or np.median(np.diff(t)) > SLOWEST_STEP_S:
+    if len(t) < 20 or t[-1] - t[0] < 1.0 or (step := float(np.median(np.diff(t)))) > SLOWEST_STEP_S:
         return None
     pose = np.column_stack([pose[:, :3], so3.make_continuous(pose[:, 3:])])
     grid = np.arange(t[0], t[-1], STEP_S)
@@ -66,7 +66,8 @@ def derivatives_of(context: Context) -> MocapDerivatives | None:
     p, q = on_grid[:, :3], on_grid[:, 3:]
     q = q / np.linalg.norm(q, axis=1, keepdims=True)
     gap_after = np.searchsorted(t, grid, side="right")
-    missing = t[np.minimum(gap_after, len(t) - 1)] - t[np.maximum(gap_after - 1, 0)] > BRIDGED_S
+    bridged_s = max(BRIDGED_S, 1.5 * step)  # between frames of a slow tracker no frame is missing
+    missing = t[np.minimum(gap_after, len(t) - 1)] - t[np.maximum(gap_after - 1, 0)] > bridged_s
     v = np.gradient(p, STEP_S, axis=0)
     a = np.zeros_like(p)
     a[1:-1] = np.diff(p, 2, axis=0) / STEP_S**2

@@ -18,10 +18,10 @@ from .airborne import airborne_spans
 from .context import Context
 from .crashes import crash_of
 from .dropouts import alive_until
-from .mocap_derivatives import STEP_S, MocapDerivatives, derivatives_of, widened
+from .mocap_derivatives import SLOWEST_STEP_S, STEP_S, MocapDerivatives, derivatives_of, widened
 from .packet_rows import packets_of
 from .pose_frame import posed
-from .usable_rows import runs, usable_streams
+from .usable_rows import runs, typical_step_s, usable_streams
 
 RATE_BAND_HZ = setting("audit.paired_signals.rate_band_hz")
 POSE_BAND_HZ = setting("audit.paired_signals.pose_band_hz")
@@ -96,7 +96,8 @@ def on_grid(context: Context, name: str, quantities: tuple[str, ...],
     times, values = stream.time_s[fine], prepare(values[fine])
     result = np.stack([np.interp(t, times, values[:, k]) for k in range(values.shape[1])], axis=1)
     after = np.searchsorted(times, t, side="right")
-    near = times[np.minimum(after, len(times) - 1)] - times[np.maximum(after - 1, 0)] < BRIDGED_S
+    bridged_s = max(BRIDGED_S, 1.5 * min(typical_step_s(times), SLOWEST_STEP_S))
+    near = times[np.minimum(after, len(times) - 1)] - times[np.maximum(after - 1, 0)] < bridged_s
     return result, near & (t >= times[0]) & (t <= times[-1])
 
 

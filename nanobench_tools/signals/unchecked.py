@@ -19,20 +19,24 @@ from .pairs import force_pair
 from .shared_frame import PLACE
 from .tilt_heading import followed_axes
 
-SIGNED = {"mocap": (*POSITION, *ROTATION), "estimator": (*PLACE, "vx", "vy", "vz"), "attitude": EULER,
-          "imu": (*GYRO, *ACC), "estimator_acc": ("ax", "ay", "az")}
+VELOCITY = ("vx", "vy", "vz")
+AXES, SIZES = "sign and axis", "sign, axis and scale"
+SIGNED = (("mocap", (*POSITION, *ROTATION), AXES), ("mocap", VELOCITY, SIZES), ("estimator", PLACE, AXES),
+          ("estimator", VELOCITY, SIZES), ("attitude", EULER, SIZES), ("imu", (*GYRO, *ACC), SIZES),
+          ("estimator_acc", ("ax", "ay", "az"), SIZES))
+"""Stream, quantities, and what is open where no other column shows them. A path is judged by ``_scales``."""
 SCALED = ("motor", "motor_request", "rpm", "command", "battery", "stand")
 """Streams with sizes that depend on the vehicle, so that only a factor beyond any vehicle shows."""
-OFFSETS = {"estimator": ("vx", "vy", "vz"), "attitude": EULER, "imu": ACC}
+OFFSETS = {"estimator": VELOCITY, "attitude": EULER, "imu": ACC}
 
 
 def unchecked(context: Context) -> tuple[str, ...]:
     """``sign of acc_x, acc_y (imu)`` and the like, one entry for each vector; empty where everything is checked."""
     shown, streams = _shown(context), context.flight.streams
     found = []
-    for name, names in SIGNED.items():
+    for name, names, what in SIGNED:
         left = [q for q in names if name in streams and q in streams[name] and (name, q) not in shown]
-        found += [f"sign and axis of {', '.join(left)} ({name})"] if left else []
+        found += [f"{what} of {', '.join(left)} ({name})"] if left else []
     if "motor" in streams and "stand" not in streams and all(q in streams["motor"] for q in MOTORS) \
             and motor_turning(context) is None:
         found.append("order of the motors")
@@ -58,8 +62,6 @@ def _scales(context: Context) -> list[str]:
         force is not None and bool(np.isfinite(force.ratio[:2]).any()))
     if name in streams and not shown:
         found[name] = [*(q for q in place if q in streams[name]), "t"]
-    if "imu" in streams and not {("imu", q) for q in GYRO} & _shown(context):
-        found["imu"] = [q for q in GYRO if q in streams["imu"]]
     return [f"scale of {', '.join(quantities)} ({name})" for name, quantities in found.items() if quantities]
 
 

@@ -6,6 +6,7 @@ is left out and listed; nothing is guessed.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
@@ -14,14 +15,18 @@ import pyarrow as pa
 import pyarrow.csv as pacsv
 
 from ..errors import InputError
-from .dialect import NUMBER, Dialect, cut_last_line, decimals_of, dialect_notes, split_line
+from .dialect import NUMBER, Dialect, clean_name, cut_last_line, decimals_of, dialect_notes, split_line
 from .header import Opened, open_table
+from .names import listed
 
 GIGANTIC = 1e12
 """Larger magnitudes are not measurements of anything here; such a cell is listed and NaN."""
 
 EMPTY_CELLS = ("", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null", "NULL", "None", "none", "n/a", "#N/A", "<NA>",
                "-", "--", "---")
+
+
+_UNIT = re.compile(r"\s*[\[(][^\[\]()]*[\])]$")
 
 
 @dataclass
@@ -208,6 +213,9 @@ def _split_rows(opened: Opened, place: str) -> TextRows:
             widths[len(cells)] = widths.get(len(cells), 0) + 1
             lost.append(LostRow(number, len(rows) - 1, f"{len(cells)} cells where the header has {len(columns)}"))
             continue
+        if rows and _are_other_names(cells, columns):
+            raise InputError(f"{place}: line {number}", f"another line of names ({listed(cells)}): the columns change "
+                             "there", "write the rows below it to a separate file")
         rows.append(cells)
         lines.append(number)
     if not rows:
@@ -218,6 +226,15 @@ def _split_rows(opened: Opened, place: str) -> TextRows:
                          else truncated or "there is a header but no row",
                          "a decimal comma needs another delimiter" if common > len(columns) else "check the delimiter")
     return TextRows(rows, np.array(lines), len(rows) + len(lost) + bool(truncated), lost, truncated)
+
+
+def _are_other_names(cells: Sequence[str], columns: Sequence[str]) -> bool:
+    """Whether a line below the first row has names, and others than the header, or in another order or unit."""
+    if NUMBER.fullmatch(cells[0]):
+        return False
+    names, header = [clean_name(c) for c in cells], [c.partition("\x00")[0] for c in columns]
+    plain = {_UNIT.sub("", c) for c in header}
+    return names != header and 2 * sum(_UNIT.sub("", n) in plain for n in names) > len(names)
 
 
 def _exact(text: TextRows, columns: list[str], dialect: Dialect, numeric: set[str], time: str | None) -> Grid:

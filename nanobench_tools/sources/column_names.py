@@ -151,6 +151,9 @@ def vehicles_of(column: str) -> tuple[str, ...]:
     return tuple(w for w in words_of(column)[0] if _VEHICLE.fullmatch(w))
 
 
+FRACTIONS = {"nano": "ns", "n": "ns", "micro": "us", "u": "us", "milli": "ms", "m": "ms"}
+
+
 def rest_of_seconds(column: str, columns: Iterable[str]) -> tuple[str, str]:
     """The column of ``columns`` with the fraction of the whole seconds of ``column``, by its name, and its unit.
 
@@ -161,9 +164,9 @@ def rest_of_seconds(column: str, columns: Iterable[str]) -> tuple[str, str]:
     """
     whole = re.fullmatch(r"(.*?)sec(?:s|onds)?", column, re.IGNORECASE)
     for other in columns if whole else ():
-        part = re.fullmatch(r"(.*?)(n|nano|u|micro)sec(?:s|onds)?", other, re.IGNORECASE)
+        part = re.fullmatch(r"(.*?)(nano|micro|milli|n|u|m)sec(?:s|onds)?", other, re.IGNORECASE)
         if whole and part and part[1].lower() == whole[1].lower():
-            return other, "ns" if part[2].lower().startswith("n") else "us"
+            return other, FRACTIONS[part[2].lower()]
     return "", ""
 
 

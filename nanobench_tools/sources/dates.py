@@ -32,7 +32,7 @@ def seconds_of_dates(cells: Sequence[str]) -> np.ndarray:
     """
     import pandas as pd
 
-    plain = [c.strip().replace(",", ".") for c in cells]
+    plain = [c.strip().removesuffix("UTC").strip().replace(",", ".") for c in cells]
     kind = max(KINDS, key=lambda kind: sum(bool(kind.fullmatch(c)) for c in plain))
     if kind is _DURATION:
         found = [_DURATION.fullmatch(c) for c in plain]

@@ -25,6 +25,7 @@ from .header import header_of
 from .interpolation import count_changes, count_packets
 from .payload import check_size
 from .sheets import Sheet
+from .timestamps import counted_on
 
 PARQUET_MAGIC = b"PAR1"
 _LIST_CELL = re.compile(r"\s*[\[({]?([^\[\](){}]*)[\])}]?\s*")
@@ -107,7 +108,7 @@ def _seconds(column_map: ColumnMap, cells: Grid, kept: np.ndarray) -> tuple[floa
     more digits than a float."""
     epoch, time_s = 0.0, np.zeros(len(kept))
     for entry in column_map.times:
-        read = cells.columns[_key(entry)][kept]
+        read = counted_on(cells.columns[_key(entry)][kept])
         scale = 1.0 / column_map.rate_hz if column_map.rate_hz else 1.0 if entry.unit == DATES else factor(entry.unit)
         epoch += float(read[0]) * scale
         time_s += (read - read[0]) * scale

@@ -23,3 +23,25 @@ def not_seconds(stamps: np.ndarray, declared: bool = False) -> str | None:
     if step > LONGEST_STEP_S and not declared:
         return f"timestamps that are {step:.4g} apart are no seconds of a recording"
     return None
+
+
+COUNTERS = (2.0**16, 2.0**32)
+"""Counters of milliseconds and microseconds begin again after so many."""
+LONGEST_WRAP = 10.0
+"""Steps, at most, from the last row before a counter begins again to the first one after."""
+
+
+def counted_on(stamps: np.ndarray) -> np.ndarray:
+    """(n,) numbers of a counter that began again at 0, counted on; all others as they are."""
+    known = stamps[np.isfinite(stamps)]
+    steps = np.diff(known)
+    size = next((size for size in COUNTERS if len(known) and known.max() < size), 0.0)
+    back = steps < 0.0
+    if not size or not back.any() or known.min() < 0.0 or np.any(known != np.round(known)):
+        return stamps
+    usual = float(np.median(steps[~back])) if (~back).any() else 0.0
+    if np.any((size + steps)[back] > LONGEST_WRAP * usual):
+        return stamps
+    found = stamps.copy()
+    found[np.isfinite(stamps)] += size * np.concatenate([[0], np.cumsum(back)])
+    return found

@@ -204,6 +204,7 @@ def test_estimates_of_ones_own_object_beside_a_name(flights):
     (lambda f: nb.audit([]), UsageError, "no flight given"),
     (lambda f: nb.audit("flights/"), UsageError, "nb.load"),
     (lambda f: nb.audit([1]), UsageError, "a int is no Flight"),
+    (lambda f: nb.thrust(Path("a.csv")), UsageError, "is no Flight; nb.load"),
     (lambda f: nb.load("/nonexistent"), InputError, "does not exist"),
     (lambda f: nb.simulate(0), UsageError, "at least one"),
     (lambda f: nb.simulate(1, family="figure9"), UsageError, "figure9"),

@@ -14,7 +14,7 @@ def flown(crowd):
 def test_what_the_estimate_shows_is_not_listed(flown):
     found = audit(flown)
     assert not any(entry.startswith(("sign and axis of x", "order")) for entry in found.unchecked)
-    assert "sign and axis of acc_x, acc_y (imu)" in found.unchecked
+    assert "sign, axis and scale of acc_x, acc_y (imu)" in found.unchecked
     assert "constant offset of yaw (attitude)" in found.unchecked
     assert Audit.from_json(found.to_json()).unchecked == found.unchecked
 
@@ -30,7 +30,7 @@ def test_velocities_without_a_position_are_open(flown):
     lone = type(estimator)(estimator.time_s, estimator.values[:, keep], tuple(estimator.columns[k] for k in keep),
                            ("vx", "vy", "vz"), tuple(estimator.unit[k] for k in keep))
     found = audit(flown.with_streams(estimator=lone)).unchecked
-    assert "sign and axis of vx, vy, vz (estimator)" in found
+    assert "sign, axis and scale of vx, vy, vz (estimator)" in found
     assert "constant offset of vx, vy, vz (estimator)" in found
 
 

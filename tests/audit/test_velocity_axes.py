@@ -55,3 +55,13 @@ def test_an_estimated_velocity_in_the_body_is_found(poses):
     faults = [f for f in audit(Flight("own", streams, {}, Provenance("made", "", "test"))).faults if f.kind == "frame"]
     assert [f.stream for f in faults] == ["estimator"]
     assert "in the axes of the body" in faults[0].evidence
+
+
+@pytest.mark.parametrize("rate_hz", [20.0, 10.0])
+@pytest.mark.parametrize("factor", [1.0, 3.6, 1000.0])
+def test_velocities_of_a_slow_tracker_are_compared_with_its_path(poses, rate_hz, factor):
+    t, *columns = poses
+    rows = np.searchsorted(t, np.arange(t[0], t[-1], 1.0 / rate_hz))
+    slow = (t[rows], *(c[rows] for c in columns))
+    found = told(slow, lambda turn, v: factor * v)
+    assert [(f.kind, f.columns) for f in found] == ([] if factor == 1.0 else [("unit", VELOCITY)])
