@@ -8,8 +8,10 @@ import numpy as np
 from ..flight import Flight
 from .faults.copy import fingerprint
 
-SAME_STAMP_S = 2e-6
-"""Unix timestamps near 2e9 s have steps of 2.4e-7 s as floats; rows are at least 1e-3 s apart."""
+SAME_STAMP_S = 1e-4
+"""Formats round timestamps to four digits at least; rows are at least 1e-3 s apart."""
+DIGITS = range(3, 9)
+"""Digits to which formats round positions in m."""
 
 
 @dataclass(frozen=True)
@@ -66,8 +68,8 @@ def is_piece(part: Flight, whole: Flight) -> bool:
     if first + len(time_p) > len(time_w) or abs(time_w[first] - time_p[0]) > SAME_STAMP_S:
         return False
     rows = slice(first, first + len(time_p))
-    return (np.array_equal(position_p, position_w[rows], equal_nan=True)
-            and bool(np.all(np.abs(time_w[rows] - time_p) <= SAME_STAMP_S)))
+    return (bool(np.all(np.abs(time_w[rows] - time_p) <= SAME_STAMP_S))
+            and _same(position_p, position_w[rows]))
 
 
 def overlap(a: Flight, b: Flight) -> bool:
@@ -82,7 +84,15 @@ def overlap(a: Flight, b: Flight) -> bool:
         rows.append((time_s[common], position[common]))
     (time_a, position_a), (time_b, position_b) = rows
     return (len(time_a) == len(time_b) > 1 and bool(np.all(np.abs(time_a - time_b) <= SAME_STAMP_S))
-            and np.array_equal(position_a, position_b, equal_nan=True))
+            and _same(position_a, position_b))
+
+
+def _same(a: np.ndarray, b: np.ndarray) -> bool:
+    """Whether all positions (n, 3) are the same, to the digits of those that were rounded more."""
+    if np.array_equal(a, b, equal_nan=True):
+        return True
+    digits = next((d for d in DIGITS for v in (a, b) if np.array_equal(np.round(v, d), v, equal_nan=True)), None)
+    return digits is not None and np.allclose(a, b, rtol=0.0, atol=0.51 * 10.0**-digits, equal_nan=True)
 
 
 def apart(train: Sequence[Flight], test: Sequence[Flight]) -> tuple[list[Flight], dict[str, str]]:

@@ -16,6 +16,7 @@ PICTURES = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"ply\n", b"ply\r\n")
 _SENSOR_SHEET = re.compile(r"^(%YAML:1\.0\s*$|sensor_type:\s|T_BS:\s*$)", re.MULTILINE)
 _TIME_SHEET = re.compile(r"^t_total:\s", re.MULTILINE)
 _ALIGNMENT = re.compile(r"^align_type:\s", re.MULTILINE)
+_KALIBR = re.compile(r"^\s*(camera_model|T_cam_imu|accelerometer_noise_density|target_type):\s", re.MULTILINE)
 _FILE_LIST = re.compile(r"#?\s*timestamp\s*\[?\w*\]?\s*,\s*filename\s*$", re.MULTILINE)
 _WORD = re.compile(r"[^\W\d_]{2,}[.,;:)]?")
 _MARKDOWN_HEADING = re.compile(r"^#{1,6} \w", re.MULTILINE)
@@ -38,6 +39,8 @@ def companion(data: bytes) -> str | None:
         return "time sheet"
     if _ALIGNMENT.match(text):
         return "alignment of rpg_trajectory_evaluation"
+    if _KALIBR.search(text):
+        return "calibration of Kalibr"
     if _FILE_LIST.match(text):
         return "list of pictures"
     if _USD_CONFIG.search(text) and any(line.split("#")[0].strip().isdigit() for line in text.splitlines()):

@@ -130,6 +130,7 @@ def find_recordings(paths: Sequence[Path | str],
     known = sources(columns)
     found: list[tuple[Path, str, bytes]] = []
     sheets: list[Sheet] = []
+    beside: set[str] = set()
     for path in files_in(places, failed):
         try:
             if not path.is_file():  # a pipe would be waited for, a broken link names nothing
@@ -143,14 +144,15 @@ def find_recordings(paths: Sequence[Path | str],
                 found.append((path, name, start))
             elif start.startswith(PICTURES):
                 failed.append({"path": str(path), "error": f"{path}: {STRANGE}; {PICTURE}"})
-            elif (why := _stranger(path, known)) is not None:
+            elif (why := _stranger(path, known, beside)) is not None:
                 failed.append({"path": str(path), "error": f"{path}: {why}"})
         except NanobenchError as error:
             failed.append({"path": str(path), "error": str(error)})
     _name_bad_sheets(failed, [path for path, _, _ in found])
     sheets += _sheets_beside(places, {path for path, _, _ in found}, sheets)
     if not found and not failed:
-        raise InputError(", ".join(map(str, places)) or "no path", "no recording in it",
+        only = f", only what lies next to recordings ({', '.join(sorted(beside))})" if beside else ""
+        raise InputError(", ".join(map(str, places)) or "no path", f"no recording in it{only}",
                          "give a folder with recordings")
     bags = parts_of([path for path, name, _ in found if isinstance(known[name], RosBag)], _span_of)
     behind = {path for parts in bags.values() for path in parts.paths[1:]}
@@ -254,13 +256,16 @@ def _candidates(source: Source, sheets: Sequence[Sheet], path: Path, start: byte
     return tuple(s for s in sheets if may_hold(s, path, first_s))
 
 
-def _stranger(path: Path, known: Mapping[str, Source]) -> str | None:
-    """Why a file is no recording, or None for a known companion."""
+def _stranger(path: Path, known: Mapping[str, Source], companions: set[str]) -> str | None:
+    """Why a file is no recording, or None for a known companion, whose kind is added to ``companions``."""
     stored = read_file(path)
     if not stored:
         return "the file is empty"
     data = unpack(stored, str(path)).data
-    return None if companion(data) is not None else why_strange(data, known.values())
+    kind = companion(data)
+    if kind is not None:
+        companions.add(kind)
+    return None if kind is not None else why_strange(data, known.values())
 
 
 def _labels(paths: Sequence[Path]) -> list[str]:

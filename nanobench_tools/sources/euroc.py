@@ -80,7 +80,7 @@ class EurocAsl:
         found: dict[Path, dict[str, Path]] = {}
         lone: list[Gathered] = []
         for path in paths:
-            if path.name == DATA and _FOLDER.fullmatch(path.parent.name):
+            if path.name.removesuffix(".gz").removesuffix(".xz") == DATA and _FOLDER.fullmatch(path.parent.name):
                 found.setdefault(path.parent.parent, {})[f"{path.parent.name}/{DATA}"] = path
             else:
                 lone.append(Gathered(path, path, {path.name: path}))

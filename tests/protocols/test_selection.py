@@ -7,6 +7,7 @@ import pytest
 from made_flights import cut, made_flight
 
 from nanobench_tools.auditing.selection import distinct, is_piece, without_copies
+from nanobench_tools.flight import make_stream
 
 
 def other_name(flight, name):
@@ -40,6 +41,16 @@ def test_the_same_numbers_at_another_time_are_another_flight():
     whole = made_flight("b")
     assert not is_piece(replace(cut(whole, 4.0, 12.0), epoch_s=whole.epoch_s + 3.0), whole)
     assert not is_piece(replace(whole, epoch_s=whole.epoch_s + 1e-3), whole)
+
+
+def test_the_same_flight_rounded_by_another_format_is_a_repeat():
+    whole = made_flight("b")
+    mocap = whole["mocap"]
+    rounded = make_stream("mocap", np.round(whole.epoch_s + mocap.time_s, 4) - whole.epoch_s,
+                          np.round(mocap.values, 4), mocap.quantities)
+    other = whole.with_streams(mocap=rounded)
+    assert is_piece(other, whole)
+    assert [r.kind for r in distinct([whole, other_name(other, "as_tum")])[1]] == ["copy"]
 
 
 def test_flights_without_motion_capture_are_never_repeats():

@@ -117,6 +117,7 @@ def test_companions():
     assert companion(b'{"schema": "nanobench-audit/1", "flights": []}') == "json"
     assert companion(b"# Data\n\n## jana00\n" + b"HEIGHT = 0.7 metres above ground\n" * 12) == "prose"
     assert companion(csv_text(table()).encode()) is None
+    assert companion(b"cam0:\n  camera_model: pinhole\n  resolution: [640, 480]\n") == "calibration of Kalibr"
     assert companion(b"1 2 3\n4 5 6\n") is None
     assert companion(b"{broken json that goes on") is None
 
@@ -127,6 +128,9 @@ def test_places_that_cannot_be_used(tmp_path, monkeypatch):
     (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match="empty: no recording in it"):
         load_recordings([tmp_path / "empty"])
+    (tmp_path / "empty" / "columns.json").write_text('{"t": [0.0, 0.1]}')
+    with pytest.raises(InputError, match=r"no recording in it, only what lies next to recordings \(json\)"):
+        load_recordings([tmp_path / "empty" / "columns.json"])
     (tmp_path / "some" / "locked").mkdir(parents=True)
     (tmp_path / "some" / "a.csv").write_text(csv_text(table()))
     scandir = os.scandir

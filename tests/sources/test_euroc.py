@@ -65,6 +65,15 @@ def test_a_folder_and_its_archive_are_the_same_flight(tmp_path):
     assert packed.name == "V1_09_made"
 
 
+def test_packed_tables_of_a_folder_are_one_flight(tmp_path):
+    folder = write_folder(tmp_path, {**members(), **CAMERA})
+    for table in (folder / "mav0").glob("*/data.csv"):
+        if not table.parent.name.startswith("cam"):
+            table.with_name("data.csv.gz").write_bytes(gzip.compress(table.read_bytes()))
+            table.unlink()
+    check(one(folder))
+
+
 def test_two_sequences_are_two_flights_and_one_table_is_one(tmp_path):
     a, b = (write_folder(tmp_path, members(), name) for name in ("V1_01", "V1_02"))
     assert {f.name for f in load_recordings([tmp_path], cache=False).flights} == {"V1_01", "V1_02"}

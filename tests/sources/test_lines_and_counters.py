@@ -40,7 +40,8 @@ def test_the_same_names_once_more_are_a_line_without_numbers(tmp_path):
     assert [f.kind for f in flight.provenance.findings] == ["bad_cell"]
 
 
-@pytest.mark.parametrize(("name", "size", "per_s"), [("time_us", 2**32, 1e6), ("t", 2**32, 1e6), ("time_ms", 2**16, 1e3)])
+@pytest.mark.parametrize(("name", "size", "per_s"), [
+    ("time_us", 2**32, 1e6), ("t", 2**32, 1e6), ("time_ms", 2**16, 1e3)])
 def test_counters_that_begin_again_are_counted_on(tmp_path, name, size, per_s):
     t, p, *_ = flown()
     count = (np.round(per_s * t).astype(np.int64) + size - round(8.0 * per_s)) % size
