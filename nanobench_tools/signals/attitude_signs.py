@@ -15,7 +15,7 @@ from .own_turning import own_turning
 from .pairs import gyro_pair, sums_of
 from .quaternions import UNIT_WITHIN, quaternion_orders
 from .stream_frames import EULER, IMU, stream_turns
-from .usable_rows import advancing, usable_streams
+from .usable_rows import advancing, even_grid, usable_streams
 
 AGAINST = 0.7
 """Least size of a correlation that shows a sign."""
@@ -96,7 +96,7 @@ def _correlations(angle: tuple[np.ndarray, np.ndarray], rate: tuple[np.ndarray, 
     (at, angles), (t, rates) = angle, rate
     if len(at) < 2 or len(t) < 2:
         return None
-    grid = np.arange(max(at[0], t[0]) + REACH_S, min(at[-1], t[-1]) - REACH_S - TURN_S, STEP_S)
+    grid = even_grid(max(at[0], t[0]) + REACH_S, min(at[-1], t[-1]) - REACH_S - TURN_S, STEP_S, len(t))
     if len(grid) * STEP_S < SHORTEST_S:
         return None
     turned = np.interp(grid + TURN_S, at, np.unwrap(angles)) - np.interp(grid, at, np.unwrap(angles))

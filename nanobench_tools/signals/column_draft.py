@@ -16,6 +16,7 @@ import numpy as np
 from ..errors import InputError
 from ..flight import make_stream
 from ..settings import number
+from ..sources.clock_jumps import far_rows, many_far_rows
 from ..sources.column_map import DATES, FORCE_UNITS, allowed_units, sense_of
 from ..sources.column_names import (
     NUMBERED,
@@ -70,6 +71,10 @@ def draft_columns(path: Path) -> ColumnDraft:
     _name(draft, table, path)
     _which_vehicle(draft, table)
     time_s = _time(draft, table, place)
+    far = far_rows(time_s)
+    if (error := many_far_rows(time_s, far, f"{place}: column {draft.mapped[TIME].column}")) is not None:
+        raise error
+    time_s = np.where(far, np.nan, time_s)
     _whose(draft)
     judge_targets(draft, table.values, path.name)
     _without_placeholders(draft, table)

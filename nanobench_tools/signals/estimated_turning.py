@@ -8,7 +8,7 @@ from .context import Context
 from .dropouts import alive_until
 from .held_poses import ROTATION
 from .quaternions import quaternion_orders
-from .usable_rows import usable_streams
+from .usable_rows import even_grid, usable_streams
 
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
 FEWEST_ROWS = 20
@@ -72,7 +72,7 @@ def follows_estimate(context: Context) -> tuple[np.ndarray, np.ndarray] | None:
     if found is None or estimate is None:
         return None
     (t, gyro), at, q = found, estimate.time_s, so3.make_continuous(estimate[ROTATION])
-    grid = np.arange(max(at[0], t[0]) + REACH_S, min(at[-1], t[-1]) - REACH_S - TURN_S, STEP_S)
+    grid = even_grid(max(at[0], t[0]) + REACH_S, min(at[-1], t[-1]) - REACH_S - TURN_S, STEP_S, len(t))
     if len(grid) * STEP_S < SHORTEST_S:
         return None
 

@@ -15,6 +15,7 @@ import numpy as np
 from .. import so3
 from ..settings import number
 from .flown_axes import UP, Axis, ground_axes_of, tilts_of
+from .usable_rows import even_grid
 
 STEP_S = 0.02
 TURN_S = 0.1
@@ -150,7 +151,8 @@ def _fit(reading: Reading, attitude: Samples, path: Samples | None, gyro: Sample
 def _turning(time_s: np.ndarray, quaternion: np.ndarray, gyro_s: np.ndarray, gyro: np.ndarray) -> np.ndarray | None:
     """(delays, 3, 3) correlation of the turning by the gyro with that by the attitude, all axes together: a perfect
     attitude has trace 1. None where they do not overlap, or do not move."""
-    grid = np.arange(max(time_s[0], gyro_s[0]) + REACH_S, min(time_s[-1], gyro_s[-1]) - REACH_S - TURN_S, STEP_S)
+    grid = even_grid(max(time_s[0], gyro_s[0]) + REACH_S, min(time_s[-1], gyro_s[-1]) - REACH_S - TURN_S, STEP_S,
+                     len(gyro_s))
     if len(grid) * STEP_S < SHORTEST_S:
         return None
 

@@ -18,7 +18,7 @@ from .estimated_turning import GYRO, known_gyro
 from .gravity import ACC
 from .known_factors import DEG, NamedFactor, named_factor
 from .pairs import gyro_pair, sums_of
-from .usable_rows import usable_streams
+from .usable_rows import even_grid, usable_streams
 
 WINDOW_S = 2.0
 STEP_S = 0.02
@@ -55,7 +55,9 @@ def gyro_scale(time_s: np.ndarray, gyro: np.ndarray, force: np.ndarray) -> Named
 
 def _windows(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
     """(windows, rows, 3) means over ``STEP_S``."""
-    grid = np.arange(time_s[0], time_s[-1], STEP_S)
+    grid = even_grid(time_s[0], time_s[-1], STEP_S, len(time_s))
+    if not len(grid):
+        return np.empty((0, 1, 3))
     path = np.vstack([np.zeros(3), np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time_s)[:, None], axis=0)])
     means = np.diff(np.stack([np.interp(grid, time_s, p) for p in path.T], axis=1), axis=0) / STEP_S
     size = round(WINDOW_S / STEP_S)

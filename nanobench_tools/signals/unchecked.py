@@ -52,7 +52,8 @@ def unchecked(context: Context) -> tuple[str, ...]:
 
 
 def _scales(context: Context) -> list[str]:
-    """``scale of m1, m2 (motor)`` and the like; of a path with its time, where no tilt and no force shows it."""
+    """``scale of m1, m2 (motor)`` and the like; of a path with its time, where no tilt and no force shows it, and of
+    the time of an inertial sensor alone."""
     streams = context.flight.streams
     found = {name: [q for q in streams[name].quantities if q != "tick"] for name in SCALED if name in streams}
     name, place = ("mocap", POSITION) if "mocap" in streams else ("estimator", PLACE)
@@ -62,6 +63,8 @@ def _scales(context: Context) -> list[str]:
         force is not None and bool(np.isfinite(force.ratio[:2]).any()))
     if name in streams and not shown:
         found[name] = [*(q for q in place if q in streams[name]), "t"]
+    elif name not in streams and "imu" in streams and not {("imu", q) for q in GYRO} & _shown(context):
+        found["imu"] = ["t"]
     return [f"scale of {', '.join(quantities)} ({name})" for name, quantities in found.items() if quantities]
 
 

@@ -5,6 +5,9 @@ import numpy as np
 from ..flight import Span, Stream
 from .context import Context
 
+POINTS_A_ROW = 100
+"""Points of a grid between two rows, at most: timestamps in a smaller unit lie further apart."""
+
 
 def advancing(time_s: np.ndarray) -> np.ndarray:
     """(n,) bool: finite timestamps later than every timestamp before them."""
@@ -42,6 +45,11 @@ def whole_span(context: Context) -> Span:
     """From the first to the last timestamp of any stream that is a number."""
     ends = [(float(s.time_s[0]), float(s.time_s[-1])) for s in context.once(usable_streams).values() if len(s)]
     return Span(min(a for a, _ in ends), max(b for _, b in ends)) if ends else Span(0.0, 0.0)
+
+
+def even_grid(start_s: float, end_s: float, step_s: float, rows: int) -> np.ndarray:
+    """(n,) times from ``start_s`` to ``end_s``; empty where so few rows lie there that they show no motion."""
+    return np.arange(start_s, end_s, step_s) if end_s - start_s < POINTS_A_ROW * rows * step_s else np.empty(0)
 
 
 def usual_step_s(time_s: np.ndarray) -> float:

@@ -39,6 +39,8 @@ FEWEST_ROWS = count("sources.describe.fewest_rows")
 """Shorter set-points say no family."""
 ROOM_M = number("sources.describe.room_m")
 """Set-points farther away are no numbers of a room."""
+LONGEST_STEP_S = 1.0
+"""Set-points further apart are no stream."""
 GRID_S = number("sources.describe.grid_s")
 """Step of the grid that curves are read on."""
 MOVES_M_S = number("sources.describe.moves_m_s")
@@ -136,6 +138,8 @@ def _streamed(flight: Flight) -> tuple[np.ndarray, np.ndarray] | None:
     usable &= time_s <= count_packets(time_s, position).last_s
     time_s, position = time_s[usable], position[usable]
     if len(time_s) < FEWEST_ROWS or (np.diff(time_s) <= 0.0).any():
+        return None
+    if time_s[-1] - time_s[0] > len(time_s) * LONGEST_STEP_S:
         return None
     grid = np.arange(time_s[0], time_s[-1], GRID_S)
     at = np.stack([np.interp(grid, time_s, p) for p in position.T], axis=1)

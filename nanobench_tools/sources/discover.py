@@ -20,6 +20,7 @@ from ..lookup.registry import load_all
 from . import cache as store
 from .bag_messages import span_of
 from .base import SheetSource, Source, text_fault
+from .clock_jumps import on_one_clock
 from .companions import PICTURES, companion
 from .lost_poses import without_placeholders
 from .members import FolderSource, digest_of, members_of
@@ -313,7 +314,7 @@ def read(recording: Recording, cache: bool = True) -> Flight:
             raise InputError(str(path), "the file is empty", broken or "take another copy")
         made = (source.read_parts(path, [p.data for p in payloads]) if isinstance(source, RosBag)
                 else source.read(path, data))
-        flight = without_placeholders(_with_break(made, broken))
+        flight = without_placeholders(_with_break(on_one_clock(made), broken))
         if cache:
             store.store(entry, flight)
     if recording.lost:
@@ -335,7 +336,7 @@ def _read_members(recording: Recording, source: FolderSource, cache: bool) -> Fl
     entry = store.entry_path(sha256, source.name, source.version)
     flight = store.fetch(entry, str(path), sha256) if cache else None
     if flight is None:
-        flight = without_placeholders(_with_break(source.read_members(path, members), broken))
+        flight = without_placeholders(_with_break(on_one_clock(source.read_members(path, members)), broken))
         if cache:
             store.store(entry, flight)
     return replace(flight, name=recording.name, provenance=replace(flight.provenance, path=str(path), sha256=sha256,

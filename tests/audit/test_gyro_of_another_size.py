@@ -56,6 +56,7 @@ def test_a_smaller_scale_is_open_without_an_attitude():
     imu = make_stream("imu", t, np.hstack([gyro, force]), IMU)
     found = audit(Flight("imu", {"imu": imu}, {}, Provenance("made", "", "test"))).unchecked
     assert any(e.startswith("sign, axis and scale of gyro_x, gyro_y, gyro_z") for e in found)
+    assert "scale of t (imu)" in found
 
 
 @pytest.mark.real
