@@ -52,8 +52,8 @@ def unchecked(context: Context) -> tuple[str, ...]:
 
 
 def _scales(context: Context) -> list[str]:
-    """``scale of m1, m2 (motor)`` and the like; of a path with its time, where no tilt and no force shows it, and of
-    the time of an inertial sensor alone."""
+    """``scale of m1, m2 (motor)`` and the like; of a path with its time, where no tilt and no force shows it. An
+    inertial sensor alone leaves its time open."""
     streams = context.flight.streams
     found = {name: [q for q in streams[name].quantities if q != "tick"] for name in SCALED if name in streams}
     name, place = ("mocap", POSITION) if "mocap" in streams else ("estimator", PLACE)

@@ -36,9 +36,9 @@ def many_far_rows(time_s: np.ndarray, far: np.ndarray, place: str) -> InputError
     known = np.flatnonzero(np.isfinite(time_s))
     steps = np.diff(time_s[known])
     at = int(np.argmax(np.abs(steps)))
-    return InputError(place, f"timestamps step by {steps[at]:.4g} s at row {known[at + 1] + 1}, {far.sum()} of "
-                      f"{len(time_s)} rows lie an hour and more from the others: several recordings, two clocks, or "
-                      "another unit of time", "write each recording to a separate file, or give the unit of time")
+    return InputError(place, f"timestamps step by {steps[at]:.4g} s at row {known[at + 1] + 1}; {far.sum()} rows lie "
+                      "an hour and more from the others", "write each recording to a separate file, or give another "
+                      "unit of time")
 
 
 def on_one_clock(flight: Flight) -> Flight:
