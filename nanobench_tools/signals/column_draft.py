@@ -58,6 +58,8 @@ OF_TOPICS = {"delta_q_reset[0]": "vehicle_attitude", "velocity_frame": "vehicle_
 SECONDS = ("s", "ms", "us", "ns")
 """Units of a time that states none."""
 PITCH: Key = ("attitude", "pitch")
+YAW: Key = ("attitude", "yaw")
+YAW_ASSUMED = ": taken as counter-clockwise from x; check it, since a compass counts clockwise from north"
 FEWEST_NINES, FAR = 3, 10.0
 """Rows that have such a number, and its distance from all others, at least."""
 COMMANDED_THRUST: Key = ("command", "thrust")
@@ -100,6 +102,9 @@ def draft_columns(path: Path) -> ColumnDraft:
         for key in (*draft.columns("attitude", ("pitch", "yaw")), *turning):
             sense = sense_of(*key, draft.mapped[key].sign) or "the sign of the angle"
             draft.mapped[key] = replace(draft.mapped[key], status="assumed", why=f"{sense} is assumed")
+    yaw = draft.mapped.get(YAW)
+    if yaw is not None and f"{yaw.column}{YAW_ASSUMED}" in draft.notes:
+        draft.mapped[YAW] = replace(yaw, status="assumed", why=f"{sense_of(*YAW, yaw.sign)} is assumed")
     return ColumnDraft(as_toml(path, draft), {k: (d.column, d.unit) for k, d in draft.mapped.items()}, draft.unknown,
                        tuple(draft.notes), tuple(draft.questions),
                        {d.column: d.status for d in draft.mapped.values()})
@@ -198,6 +203,9 @@ def _whose(draft: Draft) -> None:
     pitch = draft.mapped.get(PITCH)
     if pitch is not None and pitch.why in ("", "stated"):
         draft.notes.append(f"{pitch.column}{PITCH_ASSUMED}; write sign = -1 if it is positive nose up")
+    yaw = draft.mapped.get(YAW)
+    if yaw is not None and yaw.why in ("", "stated") and not {PITCH, ("imu", "gyro_z")} & set(draft.mapped):
+        draft.notes.append(f"{yaw.column}{YAW_ASSUMED}")
 
 
 def _without_placeholders(draft: Draft, table: Table) -> None:

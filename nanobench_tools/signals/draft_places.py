@@ -88,6 +88,11 @@ def _position(draft: Draft, stream: str, names: tuple[str, ...], values: Mapping
     elif len(moving) and evidence.no_vehicle_flies(draft.si(keys, values), time_s):
         draft.ask([*keys, *speeds] if agree else keys,
                   f"they span {scaled.max():.4g} m, faster than any vehicle; which unit is it? write it at each")
+    elif len(moving) and (by_tilt := _by_tilt(draft, stream, values, time_s) if len(keys) == len(names) else []) and \
+            by_tilt != [draft.mapped[keys[0]].unit]:
+        draft.ask([*keys, *speeds] if agree else keys,
+                  f"the path speeds up as its tilt demands in {by_tilt[0]}, not in {draft.mapped[keys[0]].unit}; write "
+                  "the unit of each, or mend the time")
     elif len(moving) and _stated_too_small(draft, keys, values):
         draft.ask([*keys, *speeds] if agree else keys,
                   f"whole mm as {draft.mapped[keys[0]].why} has them, or m? They are no whole numbers and span "

@@ -41,6 +41,9 @@ def wrong_heading(context: Context) -> tuple[float, str] | None:
     if both is None:
         return None
     path, tilt, inverted = (v[:, 0] + 1j * v[:, 1] for v in both)
+    if (mirror := _mirror(both)) is not None and mirror[0] == SWAPPED_AND_NEGATED:
+        return math.pi, ("the attitude is in north, east, down (NED, body FRD) and the position has z up: convert the "
+                         f"quaternions (correlation {mirror[1]:.2f})")
     angle, follows = _turn(tilt, path)
     if follows < FOLLOWS or abs(angle) < TURNED_RAD:
         back, better = _turn(inverted, path)
@@ -107,8 +110,20 @@ def mirrored(context: Context) -> Mirrored | None:
     """A path whose accelerations are the mirror image of those of the tilt: no rotation mends that. An axis that is
     negated or two axes that changed places do. The attitude is at fault where the gyro turns against it, too."""
     both = context.once(tilt_and_acceleration)
-    if both is None:
+    if both is None or (mirror := _mirror(both)) is None or mirror[0] == SWAPPED_AND_NEGATED:
         return None
+    quarter, follows = mirror
+    return Mirrored(MENDED[quarter], quarter == SWAPPED, follows)
+
+
+SWAPPED, SWAPPED_AND_NEGATED = 1, 3
+"""Quarter turns between a path and the mirror image of its tilt. The latter is that of an attitude in NED and FRD."""
+MENDED = {0: ("py",), SWAPPED: ("px", "py"), 2: ("px",)}
+
+
+def _mirror(both: np.ndarray) -> tuple[int, float] | None:
+    """Quarter turns by which the mirror image of the tilt follows the path, and their correlation; None where it does
+    not, or not clearly better than the tilt."""
     path, tilt = (v[:, 0] + 1j * v[:, 1] for v in both[:2])
     angle, follows = _turn(tilt.conj(), path)
     _, straight = _turn(tilt, path)
@@ -119,9 +134,7 @@ def mirrored(context: Context) -> Mirrored | None:
     quarter = round(2.0 * angle / math.pi) % 4
     if abs(math.remainder(angle - quarter * math.pi / 2.0, 2.0 * math.pi)) > 0.5 * TURNED_RAD:
         return None
-    if quarter == 1:
-        return Mirrored(("px", "py"), True, follows)
-    return None if quarter == 3 else Mirrored(("py",) if quarter == 0 else ("px",), False, follows)
+    return quarter, follows
 
 
 def other_height(context: Context) -> Axis | None:

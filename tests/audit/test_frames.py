@@ -263,3 +263,15 @@ def test_euler_angles_show_the_frame_of_an_imu_as_well(flown):
     ((kind, stream, columns, evidence),) = about_frames(with_imu(alone, NED))
     assert (kind, stream, len(columns)) == ("frame", "imu", 4)
     assert "is in FRD axes" in evidence
+
+
+def test_an_attitude_in_north_east_down_next_to_a_position_with_z_up(flown):
+    ours = flown["fast figure_eight"]
+    mocap = with_poses(ours, NORTH_EAST, NED)["mocap"]
+    values = mocap.values.copy()
+    for q in (*POSITION, "vx", "vy", "vz"):
+        values[:, mocap.index(q)] = ours["mocap"][q]
+    poses = ours.without_streams(*(name for name in ours.streams if name != "mocap"))
+    ((kind, _, columns, words),) = about_frames(poses.with_streams(mocap=replace(mocap, values=values)))
+    assert (kind, columns) == ("frame", ROTATION)
+    assert "the attitude is in north, east, down (NED, body FRD)" in words

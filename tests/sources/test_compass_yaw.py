@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from test_draft_axes import flown
+from test_other_spellings import read, written
 
 from nanobench_tools.signals.column_draft import draft_columns
 
@@ -35,3 +36,12 @@ def test_another_heading_of_the_world_is_none(tmp_path, turned):
     assert not any("clockwise" in question for question in draft.questions)
     if turned == "as it is":
         assert ("attitude", "yaw") in draft.mapped
+
+
+@pytest.mark.parametrize("name", ["yaw [rad]", "yaw [deg]"])
+def test_the_sense_of_a_yaw_alone_is_assumed_in_every_audit(tmp_path, name):
+    t, p, *_ = flown()
+    yaw = np.linspace(0.0, 1.2, len(t)) * (180.0 / np.pi if "deg" in name else 1.0)
+    flight, _ = read(written(tmp_path, {"t": t, "x [m]": p[:, 0], "y [m]": p[:, 1], "z [m]": p[:, 2], name: yaw}))
+    (assumption,) = [a for a in flight.provenance.assumptions if a.column == name]
+    assert "counter-clockwise" in assumption.unit

@@ -53,3 +53,12 @@ def test_a_path_alone_in_cm_or_inches_is_a_question(tmp_path, unit):
 @pytest.mark.parametrize("names", ["x[in] y[in] z[in]", "x(inches) y(inches) z(inches)"])
 def test_inches_that_the_header_states(tmp_path, names):
     assert drafted(tmp_path, LENGTHS["in"], names)[1].mapped["mocap", "px"] == (names.split()[0], "in")
+
+
+@pytest.mark.parametrize(("stated", "metres"), [("mm", 1.0), ("cm", 1.0), ("m", 1.0), ("m", 1e-2), ("mm", 1e-3)])
+def test_a_stated_unit_that_the_tilt_contradicts_is_a_question(tmp_path, stated, metres):
+    names = " ".join(f"p{a}_{stated}" for a in "xyz")
+    _, draft = drafted(tmp_path, metres, names, turn=True)
+    right = LENGTHS[stated] == metres
+    assert (("mocap", "px") in draft.mapped) == right
+    assert bool(draft.questions) != right
