@@ -53,13 +53,16 @@ def on_one_clock(flight: Flight) -> Flight:
             raise error
         streams[name] = stream.rows(~rows)
     zero = min(float(stream.time_s[0]) for stream in streams.values() if len(stream))
+    counted: dict[tuple[int, float], list[str]] = {}
     for name, rows in far.items():
         if rows.any():
             away = float(np.nanmax(np.abs(flight.streams[name].time_s[rows] - zero)))
-            span = (0.0, float(streams[name].time_s[-1]) - zero)
-            findings.append(text_fault("bad_cell", name, (), f"{rows.sum()} rows of {name} are stamped up to "
-                                       f"{away:.4g} s away from all others: left out", span, float(rows.sum()),
-                                       "rows"))
+            counted.setdefault((int(rows.sum()), away), []).append(name)
+    for (count, away), names in counted.items():  # streams of one table lose the same rows
+        findings.append(text_fault("bad_cell", names[0] if len(names) == 1 else "", (),
+                                   f"{count} rows of {', '.join(names)} are stamped up to {away:.4g} s away from all "
+                                   "others: left out", (0.0, float(streams[names[0]].time_s[-1]) - zero), float(count),
+                                   "rows"))
     return replace(
         flight, streams={name: replace(stream, time_s=stream.time_s - zero) for name, stream in streams.items()},
         epoch_s=flight.epoch_s + zero, provenance=replace(flight.provenance, findings=tuple(findings)))
