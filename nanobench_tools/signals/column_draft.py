@@ -57,6 +57,8 @@ OF_TOPICS = {"delta_q_reset[0]": "vehicle_attitude", "velocity_frame": "vehicle_
 """Columns of which PX4 has them in one topic, or in several of one message: the vehicle's estimate, then."""
 SECONDS = ("s", "ms", "us", "ns")
 """Units of a time that states none."""
+SAME_COLUMN = 1e-3
+"""Share of the largest value by which a column and the same in another unit differ, at most: rounding."""
 PITCH: Key = ("attitude", "pitch")
 YAW: Key = ("attitude", "yaw")
 YAW_ASSUMED = ": taken as counter-clockwise from x; check it, since a compass counts clockwise from north"
@@ -162,6 +164,27 @@ def _name(draft: Draft, table: Table, path: Path) -> None:
                                     "stated" if known_unit else "")
     for key in [key for key, d in draft.mapped.items() if d.column in table.dates and key != TIME]:
         draft.unknown[draft.mapped.pop(key).column] = "its cells are dates"
+    _which_column(draft, {c: meaning(axes[c][0] if c in axes else c) for c in left}, table.values)
+
+
+def _which_column(draft: Draft, meanings: Mapping[str, Key | str], values: Mapping[str, np.ndarray]) -> None:
+    """Asks where a second column has the meaning of a drafted one, and other values than this in another unit."""
+    others: dict[Key, str] = {}
+    for column, key in meanings.items():
+        if isinstance(key, str) or key == TIME or key not in draft.mapped or column not in values:
+            continue
+        drafted = draft.mapped[key]
+        if drafted.column == column or vehicles_of(drafted.column) != vehicles_of(column):
+            continue
+        both = np.stack([values[drafted.column], values[column]])
+        a, b = both[:, np.isfinite(both).all(axis=0)]
+        scale = float(a @ b) / max(float(b @ b), 1e-300)
+        if len(a) and np.abs(a - scale * b).max() > SAME_COLUMN * np.abs(a).max():
+            others.setdefault(key, column)
+    for stream in dict.fromkeys(stream for stream, _ in others):
+        of_stream = {key: column for key, column in others.items() if key[0] == stream}
+        draft.ask(list(of_stream), f"or {', '.join(of_stream.values())}, which have other values? name one of them in "
+                  "the map")
 
 
 def _in_axes(draft: Draft, key: Key, axes: str, column: str) -> None:

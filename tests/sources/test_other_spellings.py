@@ -217,3 +217,23 @@ def test_path_or_accelerometer_show_the_sign_of_a_pitch(tmp_path, path, force):
 def test_angles_and_gyro_alone_leave_both_signs_assumed(tmp_path):
     draft = aviation(tmp_path, path=False)
     assert {draft.status[c] for c in ("theta", "psi", "q", "r")} == {"assumed"}
+
+
+def test_two_columns_of_one_meaning_and_other_values_are_a_question(tmp_path):
+    t, p, *_ = flown()
+    other = p + np.array([1.0, 0.0, 0.0])
+    table = {"t": t, **vector(("x [m]", "y [m]", "z [m]"), p), **vector(("px [m]", "py [m]", "pz [m]"), other),
+             "vbat": 4.0 - 0.01 * t}
+    _, draft = read(written(tmp_path, table))
+    assert set(draft.mapped) == {("", "time"), ("mocap", "py"), ("mocap", "pz"), ("battery", "vbat")}
+    assert any("x [m]: or px [m], which have other values" in q for q in draft.questions)
+
+
+@pytest.mark.parametrize("factor", [1.0, 1000.0])
+def test_a_column_once_more_or_in_another_unit_is_none(tmp_path, factor):
+    t, p, *_ = flown()
+    unit = "m" if factor == 1.0 else "mm"
+    again = vector((f"px [{unit}]", f"py [{unit}]", f"pz [{unit}]"), factor * p)
+    _, draft = read(written(tmp_path, {"t": t, **vector(("x [m]", "y [m]", "z [m]"), p), **again}))
+    assert draft.mapped["mocap", "px"] == ("x [m]", "m")
+    assert draft.questions == ()
