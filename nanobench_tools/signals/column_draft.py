@@ -40,7 +40,7 @@ from ..sources.tum_layout import NORM_TOLERANCE
 from ..units import GRAVITY_M_S2, factor
 from . import column_evidence as evidence
 from .draft import PITCH_ASSUMED, QUATERNION, TIME, ColumnDraft, Draft, Drafted, Key, as_toml
-from .draft_axes import judge_axes
+from .draft_axes import TURNED_PITCH, judge_axes
 from .draft_frames import judge_frames
 from .draft_motion import judge_motion
 from .draft_table import Table, read_table
@@ -96,7 +96,7 @@ def draft_columns(path: Path) -> ColumnDraft:
                              "write the map by hand: docs/recordings.md")
         raise InputError(place, f"no column except {draft.mapped[TIME].column!r} has a known name",
                          "name them like px, acc_x, gyro_x, m1, vbat, or write the map by hand: docs/recordings.md")
-    if assumed := [d.column for d in draft.mapped.values() if d.status == "assumed"]:
+    if assumed := [d.column for d in draft.mapped.values() if d.status == "assumed" and TURNED_PITCH not in d.why]:
         draft.notes.append(f"no unit is stated for {', '.join(assumed)}: the one below is assumed; check it")
     pitch = draft.mapped.get(PITCH)
     if pitch is not None and f"{pitch.column}{PITCH_ASSUMED}" in " ".join(draft.notes):

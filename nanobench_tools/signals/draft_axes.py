@@ -31,6 +31,8 @@ UPWARDS = 0.9
 ANGLES = ("roll", "pitch", "yaw")
 AS_STORED = ("", 1.0, 1.0)
 
+TURNED_PITCH = "is positive"
+"""Words on a pitch that got its other sign."""
 
 def judge_axes(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarray) -> None:
     """Omits vectors that are in other axes than their quantity, and asks about those that agree with neither."""
@@ -256,6 +258,7 @@ def _turn_pitch(draft: Draft, why: str) -> None:
     drafted = draft.mapped[key]
     nose = "up" if drafted.sign > 0 else "down"
     other = f", unlike in {drafted.why}" if drafted.status == "known" and drafted.why != "stated" else ""
-    draft.mapped[key] = replace(drafted, sign=-drafted.sign, why=f"nose {nose} is positive: {why}")
+    draft.mapped[key] = replace(drafted, sign=-drafted.sign, status="assumed" if other else drafted.status,
+                                why=f"nose {nose} {TURNED_PITCH}: {why}")
     draft.notes[:] = [n for n in draft.notes if not n.startswith(f"{drafted.column}: taken as positive")]
-    draft.notes.append(f"{drafted.column}: positive nose {nose}{other}, since {why}")
+    draft.notes.append(f"{drafted.column}: positive nose {nose}{other}, since {why}{'; check it' * bool(other)}")

@@ -136,6 +136,7 @@ def test_the_gyro_shows_signs_of_known_names_too(tmp_path, signs, sign, asked):
     assert [q.partition(":")[0] for q in draft.questions] == asked
     assert ('"stabilizer.pitch", unit = "deg", sign = -1}' in draft.text) == (sign < 0)
     assert any("since the gyro turns the other way" in note for note in draft.notes) == (sign > 0)
+    assert draft.status["stabilizer.pitch"] == ("assumed" if sign > 0 else "known")
 
 
 @pytest.mark.parametrize(("scale", "size", "rising", "drafted"), [
