@@ -78,7 +78,9 @@ def draft_columns(path: Path) -> ColumnDraft:
     far = far_rows(time_s)
     if (error := many_far_rows(time_s, far, f"{place}: column {draft.mapped[TIME].column}")) is not None:
         raise error
-    time_s = np.where(far, np.nan, time_s)
+    if not (rows := np.isfinite(time_s) & ~far).all() and rows.any():  # such as a line of text in the middle
+        table = replace(table, values={column: cells[rows] for column, cells in table.values.items()})
+        time_s = time_s[rows]
     _whose(draft)
     judge_targets(draft, table.values, path.name)
     _without_placeholders(draft, table)

@@ -87,3 +87,17 @@ def test_names_of_kalibr_mean_nanoseconds_only_since_1970(tmp_path, start, per_s
     stamps = [str(start + round(per_s * s)) for s in t]
     draft = draft_columns(written(tmp_path, {"timestamp": stamps, **vector(("omega_x", "omega_y", "omega_z"), w)}))
     assert (draft.mapped["", "time"], draft.status["timestamp"]) == (("timestamp", unit), status)
+
+
+@pytest.mark.parametrize("line", ["# battery changed", "t,px,py,pz,vx,vy,vz", "1e12,0,0,0,0,0,0"])
+def test_a_line_of_something_else_hides_no_question(tmp_path, line):
+    """A velocity in the body is found with the line as without it."""
+    t, p, v, _, turn, _ = flown()
+    columns = {"t": t, **vector(NAMES, p), **vector(("vx", "vy", "vz"), turn.inv().apply(v)),
+               **vector(("qx", "qy", "qz", "qw"), turn.as_quat())}
+    path = written(tmp_path, columns)
+    questions, unknown = draft_columns(path).questions, draft_columns(path).unknown
+    assert "a velocity in the body frame" in " ".join(unknown.values())
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:300], line + ",0,0,0,0" * line.startswith("1e12"), *lines[300:]]) + "\n")
+    assert (draft_columns(path).questions, draft_columns(path).unknown) == (questions, unknown)
