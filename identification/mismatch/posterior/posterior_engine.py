@@ -23,7 +23,8 @@ from ..verdict import Verdict, data_faults, improved, not_asked, only_translatio
 from ..wrench import Wrench
 from .background import rms
 from .build import Case, build
-from .decision import MATTERS_M_S2, Decision, Finding, decide, force_of, unexplained
+from .certainty import MATTERS_M_S2, force_of, unexplained
+from .decision import Decision, Finding, decide
 from .left_by_posterior import left_by_posterior
 from .left_out_flights import Improvement, Predictions, row_of
 from .repeats import Repeat, repeat_of

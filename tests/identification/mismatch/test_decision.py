@@ -7,10 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identification.mismatch.posterior import decision, weighing
-from identification.mismatch.posterior.background import (
-    Background,
-)
+from identification.mismatch.posterior import certainty, decision, indistinguishable, weighing
+from identification.mismatch.posterior.background import Background
 from identification.mismatch.posterior.effects import Effect
 
 
@@ -22,16 +20,16 @@ def masked(monkeypatch, left_m_s2, sign, strained_force, strained_moment=0.0):
         return Effect(term, force, torque, {}, np.array([-9.0]), np.array([9.0]))
 
     left = np.array([*np.array(left_m_s2) / np.sqrt(3.0), 9.0])
-    monkeypatch.setattr(decision, "strained", lambda case, found: (
+    monkeypatch.setattr(certainty, "strained", lambda case, found: (
         np.tile([strained_force, 0.0, 0.0], (4, 1)), np.tile([0.0, strained_moment, 0.0], (4, 1))))
-    monkeypatch.setattr(decision, "nuisance", lambda case, found: left)
+    monkeypatch.setattr(certainty, "nuisance", lambda case, found: left)
     background = Background(np.tile(np.eye(3, 4), (4, 1, 1)), np.zeros((0, 3, 4)),
                             np.array(["place", "air", "late", "tilt"]))
     effects = [effect("wind", 0.5, 0.0), effect("mass", 1.8, 0.0), effect("com_offset", 0.0, 9.0)]
     case = SimpleNamespace(effects=effects, background=background, arm=np.full(3, 0.03),
                            evidence=SimpleNamespace(P=0))
     found = SimpleNamespace(chosen=(0, 1, 2), step=np.ones(3))
-    return list(decision._overshadowed(case, found))
+    return list(certainty.overshadowed(case, found))
 
 
 @pytest.mark.parametrize(("left_m_s2", "sign", "strained_m_s2", "rejected"), [
@@ -67,7 +65,7 @@ def test_what_differs_by_less_than_physics_without_a_name_cannot_be_distinguishe
     evidence = SimpleNamespace(columns=lambda chosen: np.array(chosen), unit=np.ones(3), work=work,
                                lower=np.full(3, -9.0), upper=np.full(3, 9.0))
     case = SimpleNamespace(effects=effects, evidence=evidence)
-    assert decision._alike(case, SimpleNamespace(chosen=(0,), step=np.ones(1)), 0, {"air": left_m_s2}) == alike
+    assert indistinguishable.alike(case, SimpleNamespace(chosen=(0,), step=np.ones(1)), 0, {"air": left_m_s2}) == alike
 
 
 @pytest.mark.parametrize(("together", "alike"), [(34.0, {"motor_lag": 0.0}), (22.0, {})])
@@ -77,8 +75,8 @@ def test_thrust_that_is_late_as_neither_a_lag_nor_a_delay_is_both(together, alik
     effects = [SimpleNamespace(term=t) for t in ("command_delay", "motor_lag", "wind")]
     case = SimpleNamespace(effects=effects, evidence=SimpleNamespace(log_prior=lambda chosen: -4.0 * len(chosen)))
     weighed = SimpleNamespace(case=case, sizes=lambda chosen: SimpleNamespace(log=logs[chosen]))
-    assert decision._between(weighed, 0) == alike
-    assert decision._between(weighed, 2) == {}
+    assert indistinguishable.between(weighed, 0) == alike
+    assert indistinguishable.between(weighed, 2) == {}
 
 
 def test_an_effect_that_only_predictions_speak_for_gives_way(monkeypatch):
@@ -88,10 +86,11 @@ def test_an_effect_that_only_predictions_speak_for_gives_way(monkeypatch):
     case = SimpleNamespace(evidence=SimpleNamespace(sets=sets, score=sets.__getitem__),
                            effects=[SimpleNamespace(term=t, far=False) for t in ("wind", "drag_linear")])
     monkeypatch.setattr(weighing.Weighing, "sizes", lambda self, chosen: chosen)
-    monkeypatch.setattr(decision, "_inside_bounds", lambda weighed, best: best)
-    sizes = decision.Size(0.0, 0.1, 0.5, "m/s"), decision.Size(0.0, 0.015, 0.004, "N s/m")
-    monkeypatch.setattr(decision, "_sizes", lambda case, i, found: {"x": sizes[i]})
-    monkeypatch.setattr(decision, "_certainty", lambda case, i, found: sizes[i].share)
+    monkeypatch.setattr(decision, "inside_bounds", lambda weighed, best: best)
+    sizes = certainty.Size(0.0, 0.1, 0.5, "m/s"), certainty.Size(0.0, 0.015, 0.004, "N s/m")
+    monkeypatch.setattr(certainty, "sizes_of", lambda case, i, found: {"x": sizes[i]})
+    for module in (decision, certainty):
+        monkeypatch.setattr(module, "certainty", lambda case, i, found: sizes[i].share)
     weighed = weighing.Weighing(case, lambda one, other: {(0,): 30.0, (1,): 20.0}.get(one, 0.0))
     best, posterior, unsure = decision._certain_of_size(weighed)
     assert best == (1,)
@@ -107,9 +106,9 @@ def test_an_effect_that_gave_way_does_not_come_back_for_one_on_its_bound(monkeyp
                            effects=[SimpleNamespace(term=t, far=False) for t in ("wind", "drag_linear")])
     case.evidence.effects = case.effects
     monkeypatch.setattr(weighing.Weighing, "sizes", lambda self, chosen: chosen)
-    monkeypatch.setattr(decision, "_on_bound", lambda case, i, found: i == 1)
-    monkeypatch.setattr(decision, "_certainty", lambda case, i, found: float(i))
-    monkeypatch.setattr(decision, "_uncertain", lambda case, i, found: None if i else "uncertain")
+    monkeypatch.setattr(indistinguishable, "on_bound", lambda case, i, found: i == 1)
+    monkeypatch.setattr(decision, "certainty", lambda case, i, found: float(i))
+    monkeypatch.setattr(decision, "uncertain", lambda case, i, found: None if i else "uncertain")
     best, _, unsure = decision._certain_of_size(weighing.Weighing(case, lambda one, other: 0.0))
     assert (best, unsure) == ((1,), {"wind": "uncertain"})
 
@@ -134,7 +133,7 @@ def certainty_of(part, spread, evidence):
                            evidence=SimpleNamespace(weighed=lambda chosen: (evidence, None, None)))
     found = SimpleNamespace(chosen=(0,), step=np.array(part), covariance=np.eye(2), model=model,
                             spread=lambda case: spread)
-    return decision._certainty(case, 0, found) > 1.0
+    return certainty.certainty(case, 0, found) > 1.0
 
 
 @pytest.mark.parametrize(("far", "part", "ratio"), [(True, 0.5, 0.75), (True, 1.0, 1.5), (False, 0.1, np.inf)])
@@ -143,16 +142,16 @@ def test_an_effect_far_from_linear_exceeds_what_its_term_may_be_off(far, part, r
     evidence = SimpleNamespace(unit=np.array([0.3]), spike=np.array([0.2]), columns=lambda chosen: np.array([0]))
     case = SimpleNamespace(evidence=evidence, effects=[SimpleNamespace(far=far, width=1, term="motor_lag")])
     found = SimpleNamespace(chosen=(0,), step=np.array([part]))
-    assert decision._over_error(case, 0, found) == pytest.approx(ratio)
+    assert certainty.over_error(case, 0, found) == pytest.approx(ratio)
 
 
 def test_terms_of_a_family_share_what_flights_show():
     """A set has one of them: their probabilities add up, and the odds between them are what the flights tell."""
     by_term = {"thrust_voltage": 0.54, "thrust_scale": 0.26, "mass": 0.17, "thrust_pwm": 0.02, "wind": 0.9}
-    found = decision._of_family("thrust_voltage", by_term)
+    found = indistinguishable.of_family("thrust_voltage", by_term)
     assert set(found) == {"thrust_scale", "mass"}
     assert found["mass"] == pytest.approx(np.log(0.54 / 0.17))
-    assert set(decision._of_family("mass", by_term)) == {"thrust_scale", "thrust_voltage", "thrust_pwm"}
+    assert set(indistinguishable.of_family("mass", by_term)) == {"thrust_scale", "thrust_voltage", "thrust_pwm"}
 
 
 @pytest.mark.parametrize(("terms", "kinds"), [
@@ -161,4 +160,4 @@ def test_terms_of_a_family_share_what_flights_show():
     (("saturation", "thrust_voltage", "inertia", "yaw_torque", "drag_torque", "com_offset", "motor_imbalance"), 5)])
 def test_terms_of_one_family_and_twins_are_one_kind(terms, kinds):
     """Counted by hand, in any order."""
-    assert {decision.kinds_of(order) for order in (terms, terms[::-1], sorted(terms))} == {kinds}
+    assert {indistinguishable.kinds_of(order) for order in (terms, terms[::-1], sorted(terms))} == {kinds}

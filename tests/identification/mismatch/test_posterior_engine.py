@@ -14,7 +14,8 @@ from identification.mismatch.drawings import drawings
 from identification.mismatch.page import page_text
 from identification.mismatch.pictures import pictures
 from identification.mismatch.posterior import decision
-from identification.mismatch.posterior.decision import _sizes, decide
+from identification.mismatch.posterior.certainty import sizes_of
+from identification.mismatch.posterior.decision import decide
 from identification.mismatch.posterior.posterior_engine import diagnose, verdict_body, weighed
 from identification.mismatch.posterior.sizing import refine
 from identification.mismatch.recordings import Recordings
@@ -102,7 +103,7 @@ def test_a_lag_is_sized_and_its_ratio_left_open(flown):
         case, _ = weighed(flown, Wrench(flown.tracks), simulator, 0)
         readings = [i for i, e in enumerate(case.effects) if e.term == "motor_lag"]
         found = max((refine(case, (i,)) for i in readings), key=lambda found: found.log)
-        return found.log, _sizes(case, found.chosen[0], found)
+        return found.log, sizes_of(case, found.chosen[0], found)
 
     log, sizes = best(0.08, 0.16)
     assert log > 1.0

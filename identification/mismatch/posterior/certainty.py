@@ -1,0 +1,195 @@
+"""Whether an effect is certain: unlike the simulator, inside its bounds, and larger than unexplained forces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from nanobench_tools.settings import number
+
+from .background import FORCES, MOMENTS, turning_size
+from .build import Case, rest_of
+from .sizing import CERTAIN, INSIDE, Refined, nuisance, parts_of
+from .strained import strained
+
+MATTERS_M_S2 = number("posterior.certainty.matters_m_s2")
+"""Unmodelled physics below this is as good as flights allow."""
+OUTWEIGHS = number("posterior.certainty.outweighs")
+"""Times the force that no effect explains."""
+DECISIVE = number("posterior.certainty.decisive")
+"""Nats: evidence for an effect alone, from which on it is there although flights differ in its size."""
+NINETY_FIVE = 1.96
+INCLUDES = "the 95 % interval includes the simulator's value"
+SCATTERS = "its size scatters between flights by as much"
+
+
+@dataclass(frozen=True)
+class Size:
+    """One parameter: value of the simulator, estimate from the flights, and half width of its 95 % interval."""
+
+    believed: float
+    value: float
+    half: float
+    unit: str
+
+    @property
+    def share(self) -> float:
+        """Distance from the simulator's value, in half widths of the interval."""
+        return abs(self.value - self.believed) / max(self.half, 1e-30)
+
+
+
+def sizes_of(case: Case, which: int, found: Refined) -> dict[str, Size]:
+    mine = _mine(case, which, found)
+    effect, part, covariance = case.effects[which], found.step[mine], found.covariance[mine, mine]
+    if effect.map_share:
+        return {f"{effect.term}.share": Size(0.0, float(part[0]), NINETY_FIVE * float(np.sqrt(covariance[0, 0])), "1")}
+    units = dict(zip(found.model.names, found.model.units, strict=True))
+    around, believed = case.space.model.parameters, case.simulator.parameters
+    return {name: Size(believed.get(name, around[name]), around[name] + float(way @ part),
+                       NINETY_FIVE * float(np.sqrt(way @ covariance @ way)), units[name])
+            for name, way in effect.moves.items()}
+
+
+
+def _mine(case: Case, which: int, found: Refined) -> slice:
+    """Coefficients of one effect among those of a set."""
+    ends = np.concatenate([[0], np.cumsum([case.effects[i].width for i in found.chosen])])
+    return slice(*ends[found.chosen.index(which):][:2].astype(int))
+
+
+
+def size_of(case: Case, which: int, found: Refined) -> float:
+    """m/s^2 RMS, force and moment together."""
+    part = dict(parts_of(case, found.chosen, found.step))[which]
+    return float(np.linalg.norm(part * case.evidence.unit[case.evidence.columns((which,))]))
+
+
+
+def certainty(case: Case, which: int, found: Refined) -> float:
+    """Distance between the simulator and an effect of a set, relative to the 95 % limit.
+
+    The smallest one counts: that of its best known parameter, that of the region of all its directions,
+    ``_over_error``, or ``_over_scatter``.
+    """
+    alone = max(size.share for size in sizes_of(case, which, found).values())
+    return float(min(_region(case, which, found, found.covariance), alone, over_error(case, which, found),
+                     _over_scatter(case, which, found)))
+
+
+
+def _region(case: Case, which: int, found: Refined, covariance: np.ndarray) -> float:
+    """Distance relative to the limit of the 95 % region of all directions of an effect."""
+    mine = _mine(case, which, found)
+    part = found.step[mine]
+    return float(np.sqrt(part @ np.linalg.solve(covariance[mine, mine], part) / chi2.ppf(0.95, len(part))))
+
+
+
+def _over_scatter(case: Case, which: int, found: Refined) -> float:
+    """As ``_region``, with the scatter between flights. It decides unless the evidence for the effect alone is
+    DECISIVE: flights may differ in the size of an effect that is there beyond doubt."""
+    if case.evidence.weighed((which,))[0] >= DECISIVE:
+        return float("inf")
+    return _region(case, which, found, found.spread(case))
+
+
+
+def over_error(case: Case, which: int, found: Refined) -> float:
+    """Size of an effect far from linear, relative to that by which its term may be off without being a finding. Its
+    evidence is that of slopes where it ends, and such an error is taken where it begins."""
+    if not case.effects[which].far:
+        return float("inf")
+    spike = case.evidence.spike[case.evidence.columns((which,))]
+    readings = sum(e.term == case.effects[which].term for e in case.effects)
+    return size_of(case, which, found) / max(float(np.sqrt(readings)) * float(np.linalg.norm(spike)), 1e-12)
+
+
+
+def uncertain(case: Case, which: int, found: Refined) -> str | None:
+    """Why an effect of a set is not certain; None if it is."""
+    if certainty(case, which, found) > 1.0:
+        return None
+    if over_error(case, which, found) <= 1.0:
+        return f"{size_of(case, which, found):.2g} m/s^2, by which any term may be off"
+    sizes = sizes_of(case, which, found)
+    sure = max(size.share for size in sizes.values()) > 1.0 and _region(case, which, found, found.covariance) > 1.0
+    return f"{SCATTERS if sure else INCLUDES}: {_shortest(sizes)}"
+
+
+
+def _shortest(sizes: Mapping[str, Size]) -> str:
+    name, size = next(iter(sizes.items()))
+    return f"{name} {size.value:.3g} +- {size.half:.2g} {size.unit}"
+
+
+
+def on_bound(case: Case, which: int, found: Refined) -> bool:
+    """Whether the flights require a size outside a bound, other than that where the term has no effect."""
+    effect, (part, beyond) = case.effects[which], (
+        dict(parts_of(case, found.chosen, values))[which] for values in (found.step, found.beyond))
+    at = (((part <= INSIDE * effect.lower) & (effect.lower < 0.0))
+          | ((part >= INSIDE * effect.upper) & (effect.upper > 0.0))) & (beyond >= CERTAIN)
+    slots = {slot.name: slot for slot in case.space.model.slots}
+    before, after = case.space.model.parameters, found.model.parameters
+    for name, way in effect.moves.items():
+        rest = rest_of(slots[name], case.space.model)
+        if abs(after[name] - rest) < 2.0 * (1.0 - INSIDE) * abs(before[name] - rest):
+            at &= way == 0.0
+    return bool(at.any())
+
+
+
+def overshadowed(case: Case, found: Refined) -> dict[int, str]:
+    """{number: reason} of the smallest effect, if it is masked: less than OUTWEIGHS times the unexplained force.
+
+    Such a force could imitate the effect, if it acts along the same axes. That of the background has no mean, so it
+    cannot imitate the constant part of an effect. ``strained`` forces can, and so can a force of the place, whose mean
+    may be as large as its changes. Empty if the unexplained force is too small to matter. Effects that act more as a
+    moment are compared with the moment of ``strained`` errors.
+    """
+    coefficients, groups = nuisance(case, found)[case.evidence.P:], case.background.group
+    along, placed = (((case.background.force[..., mine] @ coefficients[mine]) ** 2).mean(0)
+                     for mine in (np.isin(groups, FORCES), groups == "place"))
+    pushed, turned = strained(case, found)
+    constant, imitated = (pushed**2).mean(0), float(turning_size(turned, case.arm))
+    strain = float(np.hypot(np.sqrt(constant.sum()), imitated))
+    masked = dict[int, tuple[float, float]]()
+    for i, part in parts_of(case, found.chosen, found.step):
+        acts = case.effects[i].force @ part
+        force = (acts**2).mean(0)
+        varies = (force - acts.mean(0) ** 2).sum() / max(force.sum(), 1e-12)
+        push, turn = float(np.sqrt(force.sum())), float(turning_size(case.effects[i].torque @ part, case.arm))
+        like = varies * along + (1.0 - varies) * placed + constant
+        left = float(np.sqrt(len(force) * force @ like / max(force.sum(), 1e-12)))
+        if left >= MATTERS_M_S2 and turn < push < OUTWEIGHS * left:
+            masked[i] = push, left
+        elif strain >= MATTERS_M_S2 and push <= turn < OUTWEIGHS * imitated:
+            masked[i] = turn, imitated
+    if not masked:
+        return {}
+    least = min(masked, key=lambda i: masked[i])
+    push, left = masked[least]
+    return {least: f"{push:.2g} m/s^2 next to {left:.2g} m/s^2 along the same axes that no effect explains"}
+
+
+
+def unexplained(case: Case, found: Refined) -> dict[str, float]:
+    """m/s^2 RMS by group of the discrepancy: the part that no effect explains, given a set at its sizes."""
+    return case.evidence.sizes_of(nuisance(case, found)[case.evidence.P:])
+
+
+
+def force_of(discrepancy: Mapping[str, float]) -> float:
+    """m/s^2 RMS of the force in ``unexplained``."""
+    return float(np.sqrt(sum(discrepancy.get(group, 0.0) ** 2 for group in FORCES)))
+
+
+
+def moment_of(discrepancy: Mapping[str, float]) -> float:
+    """m/s^2 RMS at the arm of the moment in ``unexplained``."""
+    return float(np.sqrt(sum(discrepancy.get(group, 0.0) ** 2 for group in MOMENTS)))
+
