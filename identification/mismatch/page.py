@@ -184,7 +184,8 @@ def levels(body: Mapping[str, Any]) -> Table:
 
 
 GOES_WITH = {"tilt": "tilt of the markers, of each flight", "lift": "thrust, of each flight",
-             "trim": "roll and pitch moments at rest, of each flight", "yaw_trim": "yaw moment at rest, of each flight",
+             "roll_trim": "roll moment at rest, of each flight", "pitch_trim": "pitch moment at rest, of each flight",
+             "yaw_trim": "yaw moment at rest, of each flight",
              "place": "force by place", "air": "force by air velocity", "thrust": "force by thrust",
              "lean": "force by direction of lean", "time": "force by time alone",
              "late": "force by thrust of the seconds before", "strained": "force that only resembles an effect",

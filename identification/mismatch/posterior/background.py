@@ -40,7 +40,8 @@ FAST_S = 0.3
 LATE_S = (0.06, 0.15, 0.4)
 SLOW_LATE_S = (1.0, 3.0, 10.0, 25.0)
 SAMPLE_S, STRETCH_S = ROW_S * FORCE_ROWS, ROW_S * TORQUE_ROWS
-LEVELS = ("tilt", "lift", "trim", "yaw_trim")
+TRIMS = ("roll_trim", "pitch_trim", "yaw_trim")
+LEVELS = ("tilt", "lift", *TRIMS)
 """Groups that differ from flight to flight."""
 FORCES = ("place", "air", "thrust", "lean", "time", "late")
 MOMENTS = ("turn_place", "turn_air", "turn_thrust", "turn_late", "yaw_place", "yaw_air", "yaw_thrust")
@@ -207,7 +208,7 @@ def _levels(found: _Columns, wrench: Wrench, effects: Sequence[Effect], made: np
         for axis in range(3):
             column = np.zeros((len(turning), 3, len(flights)))
             column[:, axis] = turning / arm[axis]
-            found.add("trim" if axis < 2 else "yaw_trim", torque=column)
+            found.add(TRIMS[axis], torque=column)
 
 
 def _lean(wrench: Wrench, thrust_axis: np.ndarray) -> np.ndarray:

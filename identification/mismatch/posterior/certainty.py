@@ -12,6 +12,7 @@ from nanobench_tools.settings import number
 
 from .background import FORCES, MOMENTS, turning_size
 from .build import Case, rest_of
+from .set_evidence import CANCELS
 from .sizing import CERTAIN, INSIDE, Refined, nuisance, parts_of
 from .strained import strained
 
@@ -23,6 +24,7 @@ DECISIVE = number("posterior.certainty.decisive")
 """Nats: evidence for an effect alone, from which on it is there although flights differ in its size."""
 NINETY_FIVE = 1.96
 INCLUDES = "the 95 % interval includes the simulator's value"
+CANCELLED = "errors of other terms cancel it"
 SCATTERS = "its size scatters between flights by as much"
 
 
@@ -76,9 +78,22 @@ def certainty(case: Case, which: int, found: Refined) -> float:
     ``_over_error``, or ``_over_scatter``.
     """
     alone = max(size.share for size in sizes_of(case, which, found).values())
+    if _cancelled(case, which, found):
+        return 0.0
     return float(min(_region(case, which, found, found.covariance), alone, over_error(case, which, found),
                      _over_scatter(case, which, found)))
 
+
+
+def _cancelled(case: Case, which: int, found: Refined) -> bool:
+    """Whether the errors of terms cancel an effect of a set. It then stands for something else: a constant force
+    against a wind, for example, acts only where the vehicle leans."""
+    evidence = case.evidence
+    mine, work = evidence.columns((which,)), evidence.work.sum(0)
+    acts, errors = np.zeros(evidence.P), nuisance(case, found)[:evidence.P]
+    acts[mine] = found.step[_mine(case, which, found)] * evidence.unit[mine]
+    parts, net = (float(x @ work @ x) for x in (acts, acts + errors))
+    return parts + float(errors @ work @ errors) > CANCELS**2 * net
 
 
 def _region(case: Case, which: int, found: Refined, covariance: np.ndarray) -> float:
@@ -113,6 +128,8 @@ def uncertain(case: Case, which: int, found: Refined) -> str | None:
     """Why an effect of a set is not certain; None if it is."""
     if certainty(case, which, found) > 1.0:
         return None
+    if _cancelled(case, which, found):
+        return CANCELLED
     if over_error(case, which, found) <= 1.0:
         return f"{size_of(case, which, found):.2g} m/s^2, by which any term may be off"
     sizes = sizes_of(case, which, found)

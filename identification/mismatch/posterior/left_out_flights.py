@@ -71,17 +71,17 @@ class Predictions:
         """Log likelihood of one fit over another.
 
         Errors of each flight are normal with unknown size, separately for the path and for turning. So only the log of
-        the ratio of errors counts. If set-points are the instruments of the moments, turning does not count. Commands
-        shake between rows, and from such commands a sluggish vehicle predicts turning better than a right one. The path
-        follows the predicted turning after half a second, but hardly after a tenth. So effects that can make a vehicle
-        sluggish have to improve the path after a tenth.
+        the ratio of errors counts. Commands shake between rows, and from such commands a sluggish vehicle predicts
+        turning better than a right one. The path follows the predicted turning after half a second, but hardly after a
+        tenth. So effects that can make a vehicle sluggish have to improve the path after a tenth. Turning counts for
+        the others, but not if set-points are the instruments of the moments.
         """
         case = self.case
         ratio = np.log(np.maximum(self.of(other), 1e-9) / np.maximum(self.of(one), 1e-9))
-        judged = [(JUDGED, kind) for kind in KINDS]
-        if case.rows.set_point_axes:
-            slow = {case.effects[i].term for i in (*one.chosen, *other.chosen)} & SLUGGISH
-            judged = [(BEFORE_TURNING if slow else JUDGED, KINDS[0])]
+        slow = {case.effects[i].term for i in (*one.chosen, *other.chosen)} & SLUGGISH
+        judged = [(BEFORE_TURNING if slow else JUDGED, KINDS[0])]
+        if not slow and not case.rows.set_point_axes:
+            judged.append((JUDGED, KINDS[1]))
         told = [ratio[:, horizons, kind].mean(axis=(1, 2)) for horizons, kind in judged]
         each = np.sum([np.where(np.isfinite(part), part, 0.0) for part in told], axis=0)
         return float(np.clip(self.windows * each, -MOST, MOST).sum())
@@ -141,10 +141,9 @@ def _own_offsets(case: Case, chosen: tuple[int, ...], step: np.ndarray, model: M
     made = wrench.measured[1] - torque
     turned = np.array([np.median(torque[by_torque == f] + (1.0 - g) * made[by_torque == f], axis=0)
                        if len(torque) else np.zeros(3) for f, g in zip(case.flights, gain, strict=True)])
-    tilt, lift, trim, yaw_trim = (WITHIN * case.evidence.amplitudes.get(level, 0.0) for level in LEVELS)
+    tilt, lift, *trims = (WITHIN * case.evidence.amplitudes.get(level, 0.0) for level in LEVELS)
     usual = np.array([tilt, tilt, max(lift, thrust_spread(model.vehicle))])
-    trims = np.array([trim, trim, yaw_trim]) / case.arm
-    pushed, turned = _as_sessions_differ(pushed, usual), _as_sessions_differ(turned, trims)
+    pushed, turned = _as_sessions_differ(pushed, usual), _as_sessions_differ(turned, np.array(trims) / case.arm)
     found = []
     weight = model.vehicle.gravity_m_s2
     values = model.parameters

@@ -22,7 +22,7 @@ from scipy.special import log_ndtr
 from nanobench_tools.settings import count, number, setting
 
 from ..space import MAPS
-from .background import FIXED, LEVELS, LIFT_OF_ALL, Background, rms, turning_size
+from .background import FIXED, LEVELS, LIFT_OF_ALL, TRIMS, Background, rms, turning_size
 from .effects import Effect
 
 SCALES: tuple[float, ...] = setting("posterior.set_evidence.scales")
@@ -62,7 +62,7 @@ TWINS = ("mass", "thrust_scale")
 SHARED = {"frame_tilt": "tilt", "wind": "tilt", "force_world": "tilt", "thrust_scale": "lift", "mass": "lift",
           "thrust_voltage": "lift", "thrust_pwm": "lift"}
 """Term -> per-flight offset of the force. A change that all flights share has to exceed the scatter of this offset. Of
-moments, the constant part of every column has to exceed the scatter of the trim."""
+moments, the constant part of every column has to exceed the scatter of the trim about its axis."""
 RANGE = 6.0
 """Standard deviations between the least and the largest exponent of a thrust map (``thrust_exponent``)."""
 OFFSETS = (*(term for term, level in SHARED.items() if level == "tilt"), "com_offset", "motor_imbalance")
@@ -243,9 +243,7 @@ class Evidence:
         share = doing / np.maximum(doing.sum(0), 1e-12)
         feigned = UNNAMED * np.sqrt((along[:, None] ** 2 * self.varying * share / self.seen).sum(0))
         terms = [self.effects[i].term for i in self.owner]
-        trim = max(self.amplitudes.get(level, 0.0) for level in ("trim", "yaw_trim"))
-        turned = TILT_SHARED * trim * np.sqrt(((1.0 - self.varying) * share)[3:].sum(0))
-        levels = np.hypot([self._shared(t) for t in terms], turned)
+        levels = np.hypot([self._shared(t) for t in terms], self._turned(share))
         loose = self.believed * [0.0 if t in OFFSETS else g if t in GAINS else LOOSE
                                  for t, g in zip(terms, self.gain_error, strict=True)]
         width = self.upper - self.lower
@@ -271,6 +269,12 @@ class Evidence:
             return TILT_SHARED * self.amplitudes.get(level, 0.0)
         between = LIFT_SHARED * self.amplitudes.get(level, 0.0) / np.sqrt(max(self.flights, 1))
         return float(np.hypot(between, self.lift_spread * (term in TWINS)))
+
+    def _turned(self, share: np.ndarray) -> np.ndarray:
+        """(P,) m/s^2: what a constant moment that all flights share has to exceed. ``share`` (6, P): of each column's
+        work along each axis."""
+        trims = np.array([[self.amplitudes.get(level, 0.0)] for level in TRIMS])
+        return np.asarray(TILT_SHARED * np.sqrt((trims**2 * ((1.0 - self.varying) * share)[3:]).sum(0)))
 
     def _reduce(self) -> None:
         found = []

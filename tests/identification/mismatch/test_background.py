@@ -58,7 +58,7 @@ def test_a_trim_turns_with_the_thrust():
     effects = effects_of(wrench, space, MODEL)
     found = background_of(wrench, space, effects, arms(MODEL))
     moments = next(e.torque for e in effects if e.term == "com_offset")
-    trim, com = found.torque[..., found.group == "trim"][:, 0], moments[:, 0, 1]
+    trim, com = found.torque[..., found.group == "roll_trim"][:, 0], moments[:, 0, 1]
     first = wrench.flight[wrench.torque_at] == 0
     ratio = trim[first] / com[first, None]
     assert com[first].std() > 0.01 * np.abs(com[first]).mean()

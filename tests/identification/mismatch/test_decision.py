@@ -79,6 +79,7 @@ def test_thrust_that_is_late_as_neither_a_lag_nor_a_delay_is_both(together, alik
     assert indistinguishable.between(weighed, 2) == {}
 
 
+@pytest.mark.usefixtures("nothing_cancels")
 def test_an_effect_that_only_predictions_speak_for_gives_way(monkeypatch):
     """Predictions favour a wind by 30 nats, a drag by 20, but the residual shows no wind: 0.1 +- 0.5 m/s beside 0."""
     monkeypatch.setattr(weighing, "PREDICTED", 0)
@@ -114,15 +115,35 @@ def test_an_effect_that_gave_way_does_not_come_back_for_one_on_its_bound(monkeyp
 
 
 @pytest.mark.parametrize(("part", "certain"), [([2.2, 0.0], False), ([2.6, 0.0], True), ([1.9, 1.9], False)])
+@pytest.mark.usefixtures("nothing_cancels")
 def test_several_directions_have_to_leave_their_common_region(part, certain):
     """Two independent directions of unit error: the 95 % region ends at 2.45, the root of 5.99; one alone at 1.96."""
     assert certainty_of(part, np.eye(2), 1.0) == certain
 
 
 @pytest.mark.parametrize(("evidence", "certain"), [(4.0, False), (6.0, True)])
+@pytest.mark.usefixtures("nothing_cancels")
 def test_flights_that_differ_by_as_much_show_only_what_is_beyond_doubt(evidence, certain):
     """2.6 of unit error, with twice that from flight to flight."""
     assert certainty_of([2.6, 0.0], 5.0 * np.eye(2), evidence) == certain
+
+
+@pytest.fixture
+def nothing_cancels(monkeypatch):
+    """As if no term had an error."""
+    monkeypatch.setattr(certainty, "_cancelled", lambda case, which, found: False)
+
+
+@pytest.mark.parametrize(("errors", "cancelled"), [((0.0, 0.0), False), ((0.0, -0.45), False), ((0.0, -0.5), True),
+                                                   ((-0.9, 0.0), True), ((0.3, -1.1), True), ((0.3, 0.9), False)])
+def test_an_effect_that_errors_of_terms_cancel_is_no_explanation(monkeypatch, errors, cancelled):
+    """A push of 1 m/s^2 by the first of two terms that act alike. With -.5 the root of the parts is 1.12, the sum .5."""
+    evidence = SimpleNamespace(P=2, unit=np.full(2, 0.5), columns=lambda chosen: np.array(chosen),
+                               work=np.stack([np.ones((2, 2)), *np.zeros((5, 2, 2))]))
+    monkeypatch.setattr(certainty, "nuisance", lambda case, found: np.array([*errors, 7.0]))
+    case = SimpleNamespace(evidence=evidence, effects=[SimpleNamespace(width=1)] * 2)
+    found = SimpleNamespace(chosen=(0,), step=np.array([2.0]))
+    assert certainty._cancelled(case, 0, found) == cancelled
 
 
 def certainty_of(part, spread, evidence):

@@ -9,7 +9,12 @@ import numpy as np
 import pytest
 from carried_tracks import MODEL, wrench_of
 
-from identification.mismatch.posterior.left_out_flights import _as_sessions_differ, _calmed, _lift_gain
+from identification.mismatch.posterior.left_out_flights import (
+    Predictions,
+    _as_sessions_differ,
+    _calmed,
+    _lift_gain,
+)
 
 
 def test_flights_of_one_session_may_share_a_tilt():
@@ -41,3 +46,21 @@ def test_only_the_common_fast_part_of_commands_is_calmed():
     assert calm - calm.mean(1, keepdims=True) == pytest.approx(differ, abs=1e-12)
     assert calm.mean(1)[100:-100] == pytest.approx(slow[100:-100, 0], abs=0.02)
     assert _calmed(shaken, 1.0).motor == pytest.approx(shaken.motor)
+
+
+PATH, TURNING = slice(0, 2), slice(2, 4)
+
+
+@pytest.mark.parametrize(("term", "axes", "improved", "nats"), [
+    ("com_offset", set(), TURNING, 3.0 * np.log(2.0)), ("com_offset", {0, 1}, TURNING, 0.0),
+    ("com_offset", {0, 1}, PATH, 3.0 * np.log(2.0)), ("angular_damping", set(), TURNING, 0.0),
+    ("inertia", {0, 1}, TURNING, 0.0), ("inertia", set(), PATH, 3.0 * np.log(2.0))])
+def test_turning_speaks_neither_for_a_sluggish_vehicle_nor_next_to_set_points(term, axes, improved, nats):
+    """A flight of 3 windows whose errors are halved: 3 log 2, if that error counts."""
+    errors = {(): np.ones((1, 3, 4)), (0,): np.ones((1, 3, 4))}
+    errors[0,][..., improved] = 0.5
+    case = SimpleNamespace(effects=[SimpleNamespace(term=term)], rows=SimpleNamespace(set_point_axes=axes))
+    predictions = Predictions(case, ["a"], 0)
+    predictions.windows = np.array([3.0])
+    predictions.of = lambda found: errors[found.chosen]
+    assert predictions.likelihood(*(SimpleNamespace(chosen=c) for c in ((0,), ()))) == pytest.approx(nats)

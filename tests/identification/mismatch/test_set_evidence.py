@@ -48,6 +48,17 @@ def test_a_shared_tilt_is_no_more_certain_than_that_of_one_flight(flights):
     assert case._shared("drag_linear") == 0.0
 
 
+def test_a_shared_moment_has_to_exceed_the_scatter_about_its_own_axis():
+    """Of the first effect .64 of the work is a roll moment, of the second all is a yaw moment, half of it constant."""
+    case, _, _ = small_case()
+    case.amplitudes = {"roll_trim": 0.1, "pitch_trim": 9.0, "yaw_trim": 0.6}
+    case.varying = np.zeros((6, 2))
+    case.varying[5, 1] = 0.5
+    share = np.zeros((6, 2))
+    share[0, 0], share[3, 0], share[5, 1] = 0.36, 0.64, 1.0
+    assert case._turned(share) == pytest.approx([0.08, 0.6 * np.sqrt(0.5)])
+
+
 def test_evidence_is_that_of_the_normal_distribution(monkeypatch):
     monkeypatch.setattr(set_evidence, "SCALES", (0.5,))
     case, columns, y = small_case()
