@@ -137,7 +137,7 @@ def nothing_cancels(monkeypatch):
 @pytest.mark.parametrize(("errors", "cancelled"), [((0.0, 0.0), False), ((0.0, -0.45), False), ((0.0, -0.5), True),
                                                    ((-0.9, 0.0), True), ((0.3, -1.1), True), ((0.3, 0.9), False)])
 def test_an_effect_that_errors_of_terms_cancel_is_no_explanation(monkeypatch, errors, cancelled):
-    """A push of 1 m/s^2 by the first of two terms that act alike. With -.5 the root of the parts is 1.12, the sum .5."""
+    """A push of 1 m/s^2 by the first of two terms that act alike. With -.5 the parts are 1.12 long, the sum .5."""
     evidence = SimpleNamespace(P=2, unit=np.full(2, 0.5), columns=lambda chosen: np.array(chosen),
                                work=np.stack([np.ones((2, 2)), *np.zeros((5, 2, 2))]))
     monkeypatch.setattr(certainty, "nuisance", lambda case, found: np.array([*errors, 7.0]))
