@@ -43,7 +43,6 @@ class Size:
         return abs(self.value - self.believed) / max(self.half, 1e-30)
 
 
-
 def sizes_of(case: Case, which: int, found: Refined) -> dict[str, Size]:
     mine = _mine(case, which, found)
     effect, part, covariance = case.effects[which], found.step[mine], found.covariance[mine, mine]
@@ -56,12 +55,10 @@ def sizes_of(case: Case, which: int, found: Refined) -> dict[str, Size]:
             for name, way in effect.moves.items()}
 
 
-
 def _mine(case: Case, which: int, found: Refined) -> slice:
     """Coefficients of one effect among those of a set."""
     ends = np.concatenate([[0], np.cumsum([case.effects[i].width for i in found.chosen])])
     return slice(*ends[found.chosen.index(which):][:2].astype(int))
-
 
 
 def size_of(case: Case, which: int, found: Refined) -> float:
@@ -70,19 +67,17 @@ def size_of(case: Case, which: int, found: Refined) -> float:
     return float(np.linalg.norm(part * case.evidence.unit[case.evidence.columns((which,))]))
 
 
-
 def certainty(case: Case, which: int, found: Refined) -> float:
     """Distance between the simulator and an effect of a set, relative to the 95 % limit.
 
     The smallest one counts: that of its best known parameter, that of the region of all its directions,
-    ``_over_error``, or ``_over_scatter``.
+    ``over_error``, or ``_over_scatter``. It is 0 if errors of terms cancel the effect.
     """
     alone = max(size.share for size in sizes_of(case, which, found).values())
     if _cancelled(case, which, found):
         return 0.0
     return float(min(_region(case, which, found, found.covariance), alone, over_error(case, which, found),
                      _over_scatter(case, which, found)))
-
 
 
 def _cancelled(case: Case, which: int, found: Refined) -> bool:
@@ -103,14 +98,12 @@ def _region(case: Case, which: int, found: Refined, covariance: np.ndarray) -> f
     return float(np.sqrt(part @ np.linalg.solve(covariance[mine, mine], part) / chi2.ppf(0.95, len(part))))
 
 
-
 def _over_scatter(case: Case, which: int, found: Refined) -> float:
     """As ``_region``, with the scatter between flights. It decides unless the evidence for the effect alone is
     DECISIVE: flights may differ in the size of an effect that is there beyond doubt."""
     if case.evidence.weighed((which,))[0] >= DECISIVE:
         return float("inf")
     return _region(case, which, found, found.spread(case))
-
 
 
 def over_error(case: Case, which: int, found: Refined) -> float:
@@ -121,7 +114,6 @@ def over_error(case: Case, which: int, found: Refined) -> float:
     spike = case.evidence.spike[case.evidence.columns((which,))]
     readings = sum(e.term == case.effects[which].term for e in case.effects)
     return size_of(case, which, found) / max(float(np.sqrt(readings)) * float(np.linalg.norm(spike)), 1e-12)
-
 
 
 def uncertain(case: Case, which: int, found: Refined) -> str | None:
@@ -137,11 +129,9 @@ def uncertain(case: Case, which: int, found: Refined) -> str | None:
     return f"{SCATTERS if sure else INCLUDES}: {_shortest(sizes)}"
 
 
-
 def _shortest(sizes: Mapping[str, Size]) -> str:
     name, size = next(iter(sizes.items()))
     return f"{name} {size.value:.3g} +- {size.half:.2g} {size.unit}"
-
 
 
 def on_bound(case: Case, which: int, found: Refined) -> bool:
@@ -157,7 +147,6 @@ def on_bound(case: Case, which: int, found: Refined) -> bool:
         if abs(after[name] - rest) < 2.0 * (1.0 - INSIDE) * abs(before[name] - rest):
             at &= way == 0.0
     return bool(at.any())
-
 
 
 def overshadowed(case: Case, found: Refined) -> dict[int, str]:
@@ -193,11 +182,9 @@ def overshadowed(case: Case, found: Refined) -> dict[int, str]:
     return {least: f"{push:.2g} m/s^2 next to {left:.2g} m/s^2 along the same axes that no effect explains"}
 
 
-
 def unexplained(case: Case, found: Refined) -> dict[str, float]:
     """m/s^2 RMS by group of the discrepancy: the part that no effect explains, given a set at its sizes."""
     return case.evidence.sizes_of(nuisance(case, found)[case.evidence.P:])
-
 
 
 def force_of(discrepancy: Mapping[str, float]) -> float:
@@ -205,8 +192,6 @@ def force_of(discrepancy: Mapping[str, float]) -> float:
     return float(np.sqrt(sum(discrepancy.get(group, 0.0) ** 2 for group in FORCES)))
 
 
-
 def moment_of(discrepancy: Mapping[str, float]) -> float:
     """m/s^2 RMS at the arm of the moment in ``unexplained``."""
     return float(np.sqrt(sum(discrepancy.get(group, 0.0) ** 2 for group in MOMENTS)))
-

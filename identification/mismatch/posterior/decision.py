@@ -51,7 +51,6 @@ class Finding:
     axes: tuple[str, ...]
 
 
-
 @dataclass(frozen=True)
 class Decision:
     """Decision on all effects.
@@ -69,7 +68,6 @@ class Decision:
     corrected: Model | None
     alone: Mapping[str, float]
     left_open: tuple[Finding, ...] = ()
-
 
 
 def decide(case: Case, judge: Callable[[Refined, Refined], float],
@@ -130,7 +128,6 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
                     tuple(left_open.values()))
 
 
-
 def _certain_of_size(weighing: Weighing) -> tuple[tuple[int, ...], dict[tuple[int, ...], float], dict[str, str]]:
     """Most probable set whose effects all differ from the simulator, the probabilities, and {term: reason} of others.
 
@@ -151,7 +148,6 @@ def _certain_of_size(weighing: Weighing) -> tuple[tuple[int, ...], dict[tuple[in
         weighing.without.add(term)
 
 
-
 def _standing(weighing: Weighing, chosen: tuple[int, ...], rejected: dict[str, str]) -> Refined:
     """Sizes of the accepted effects of a set. An accepted effect changes the simulator, lies inside its bounds and is
     large compared with the unexplained force. The others are added to ``rejected`` {term: reason}."""
@@ -167,14 +163,12 @@ def _standing(weighing: Weighing, chosen: tuple[int, ...], rejected: dict[str, s
     return found
 
 
-
 def _by_term(case: Case, posterior: Mapping[tuple[int, ...], float]) -> dict[str, float]:
     found = dict.fromkeys((e.term for e in case.effects), 0.0)
     for chosen, p in posterior.items():
         for term in {case.effects[i].term for i in chosen}:
             found[term] += p
     return found
-
 
 
 def _finding(case: Case, which: int, found: Refined, kind: Mapping[str, float], probability: float,
@@ -192,9 +186,7 @@ def _finding(case: Case, which: int, found: Refined, kind: Mapping[str, float], 
                    size_of(case, which, found), axes)
 
 
-
 def _written(case: Case, found: Refined) -> Model:
     """The corrected simulator: its own terms and the identified ones; the other map if that is identified."""
     named = tuple(case.effects[i].term for i in found.chosen)
     return reduced(on_map(case, found.chosen, found.model), case.space.believed, named)
-

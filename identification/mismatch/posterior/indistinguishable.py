@@ -36,7 +36,6 @@ def exchanges(weighing: Weighing, chosen: tuple[int, ...], which: int) -> Iterat
                 yield other, exchanged, lost
 
 
-
 def class_of(weighing: Weighing, chosen: tuple[int, ...], which: int) -> dict[str, float]:
     """{term: log odds lost by the exchange}: terms that could replace one of a set."""
     effects = weighing.case.effects
@@ -45,7 +44,6 @@ def class_of(weighing: Weighing, chosen: tuple[int, ...], which: int) -> dict[st
         term = effects[other].term
         found[term] = min(lost, found.get(term, np.inf))
     return found
-
 
 
 def with_twins(kind: Mapping[str, float]) -> dict[str, float]:
@@ -57,13 +55,11 @@ def with_twins(kind: Mapping[str, float]) -> dict[str, float]:
     return found
 
 
-
 def of_family(term: str, by_term: Mapping[str, float]) -> dict[str, float]:
     """{term: log odds lost}: other terms of its family, of which a set has one only, that are nearly as probable."""
     lost = {other: float(np.log(max(by_term[term], 1e-12) / max(by_term.get(other, 0.0), 1e-12)))
             for family in FAMILIES if term in family for other in family - {term}}
     return {other: max(nats, 0.0) for other, nats in lost.items() if nats < ALTERNATIVE}
-
 
 
 def kinds_of(terms: Iterable[str]) -> int:
@@ -74,7 +70,6 @@ def kinds_of(terms: Iterable[str]) -> int:
         near = {term}.union(*(group for group in alike if term in group))
         parts = [*(p for p in parts if not p & near), near.union(*(p for p in parts if p & near))]
     return len(parts)
-
 
 
 def between(weighing: Weighing, which: int) -> dict[str, float]:
@@ -94,7 +89,6 @@ def between(weighing: Weighing, which: int) -> dict[str, float]:
     pair = tuple(sorted((one, other)))
     gained = weighing.sizes(pair).log + case.evidence.log_prior(pair) - apart
     return dict.fromkeys(set(LATE) - {term}, 0.0) if gained > ALTERNATIVE else {}
-
 
 
 def alike(case: Case, found: Refined, which: int, discrepancy: Mapping[str, float]) -> dict[str, float]:
@@ -123,7 +117,6 @@ def alike(case: Case, found: Refined, which: int, discrepancy: Mapping[str, floa
     return alike
 
 
-
 def inside_bounds(weighing: Weighing, best: tuple[int, ...]) -> tuple[int, ...]:
     """The set with another member of the class in the place of an effect that would have to lie on its bound."""
     case = weighing.case
@@ -134,4 +127,3 @@ def inside_bounds(weighing: Weighing, best: tuple[int, ...]) -> tuple[int, ...]:
                                                                                       weighing.sizes(exchanged)):
                     return exchanged
     return best
-
