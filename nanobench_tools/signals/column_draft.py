@@ -17,7 +17,7 @@ from ..errors import InputError
 from ..flight import make_stream
 from ..settings import number
 from ..sources.clock_jumps import far_rows, many_far_rows
-from ..sources.column_map import DATES, FORCE_UNITS, allowed_units, sense_of
+from ..sources.column_map import FORCE_UNITS, allowed_units, sense_of
 from ..sources.column_names import (
     NUMBERED,
     directed,
@@ -32,6 +32,7 @@ from ..sources.column_names import (
     vehicles_of,
     words_of,
 )
+from ..sources.dates import DATE_UNITS, ISO
 from ..sources.lost_poses import POSITION, placeholders
 from ..sources.stand import is_a_stand
 from ..sources.timestamps import counted_on
@@ -287,7 +288,7 @@ def _time(draft: Draft, table: Table, place: str) -> np.ndarray:
                          "nanobench thrust reads it as it is")
     rising = [c for c, dates in table.dates.items() if float(np.nanmedian(np.diff(dates))) > 0.0]
     if TIME not in draft.mapped and len(rising) == 1:  # by any name
-        draft.mapped[TIME] = Drafted(rising[0], DATES, "known", "dates")
+        draft.mapped[TIME] = Drafted(rising[0], _date_unit(rising[0]), "known", "dates")
         draft.unknown.pop(draft.mapped[TIME].column, None)
     if TIME not in draft.mapped:
         seen = ", ".join(map(repr, table.values))
@@ -299,7 +300,7 @@ def _time(draft: Draft, table: Table, place: str) -> np.ndarray:
                          'time = {column = "frame", rate_hz = 100} for a frame rate')
     time = draft.mapped[TIME]
     if time.column in table.dates:
-        draft.mapped[TIME] = replace(time, unit=DATES, status="known", why="dates")
+        draft.mapped[TIME] = replace(time, unit=_date_unit(time.column), status="known", why="dates")
         seconds = table.dates[time.column]
         return np.asarray(seconds - seconds[np.isfinite(seconds)][:1])
     stamps = counted_on(table.values[time.column])
@@ -350,6 +351,10 @@ def _time(draft: Draft, table: Table, place: str) -> np.ndarray:
         draft.notes.append(f"{time.column}: rows are {step:g} apart, so it is in {unit}")
         draft.mapped[TIME] = replace(time, unit=unit, status="shown", why=f"rows are {step:g} apart")
     return np.asarray((stamps - stamps[np.isfinite(stamps)][0]) * factor(unit))
+
+
+def _date_unit(column: str) -> str:
+    return unit if (unit := unit_of(column)) in DATE_UNITS else ISO
 
 
 def _order_turn(stream: str, draft: Draft, values: Mapping[str, np.ndarray]) -> None:

@@ -12,16 +12,17 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from ..errors import InputError
+from ..errors import InputError, UsageError
 from ..settings import count
 from ..sources.cells import read_grid, read_text_columns
-from ..sources.column_names import meaning, words_of
-from ..sources.dates import looks_like_dates, seconds_of_dates
+from ..sources.column_names import meaning, unit_of, words_of
+from ..sources.dates import ISO, looks_like_dates, seconds_of_dates
 from ..sources.dialect import normalise_text
 from ..sources.discover import sources
 from ..sources.header import NO_NAMES, find_header, is_number
 from ..sources.mocap_export import program_of
 from ..sources.payload import HEAD_BYTES, read_file, unpack
+from ..sources.strangers import of_program
 from ..sources.table import PARQUET_MAGIC
 from .draft import TIME
 
@@ -57,14 +58,13 @@ def read_table(path: Path) -> Table:
         return _parquet(data, place)
     if program := program_of(data):
         raise InputError(place, f"an export of {program}, which needs no map", "nanobench audit reads it as it is")
-    binary = b"\x00" in data and not data.startswith((b"\xff\xfe", b"\xfe\xff"))
-    header = None if binary else find_header(normalise_text(data[: 1 << 16]))
+    header = None if b"\x00" in data else find_header(normalise_text(data[: 1 << 16]))
     if header is None or (header.names and not any(c.isalpha() for c in "".join(header.names))):
         if source := next((n for n, s in sources().items() if s.recognises(path, data[:HEAD_BYTES])), ""):
             raise InputError(place, f"a recording of the source {source}, which nanobench audit reads as it is",
                              WITHOUT_NAMES.get(source, "convert it to a table (nanobench convert) for a map"))
         if header is None:
-            raise InputError(place, "is no table of text", "give a CSV or Parquet file")
+            raise InputError(place, "is no table of text", of_program(data) or "give a CSV or Parquet file")
         raise InputError(place, *NO_NAMES)
     if _one_variable_a_row(header.names):
         raise InputError(place, "long format: one variable per row, a name and its value",
@@ -91,8 +91,13 @@ def read_table(path: Path) -> Table:
             raise InputError(f"{place}: column {name}", f"rows of {', '.join(several)} take turns: they are of several "
                              "sensors or bodies", "write the rows of each to a separate table")
     if cells:
-        dates = {n: seconds for n, c in cells.items() if looks_like_dates(c) and np.isfinite(
-            seconds := seconds_of_dates(c)).any()}
+        for name, c in cells.items():
+            try:
+                if looks_like_dates(c) and np.isfinite(seconds := seconds_of_dates(c, unit_of(name) or ISO)).any():
+                    dates[name] = seconds
+            except UsageError as error:
+                if not stamps or name in stamps:
+                    raise InputError(f"{place}: column {name}", *str(error).split("? ", 1)) from None
     values = {name: np.asarray(column, dtype=float) for name, column in grid.columns.items()}
     return Table(values, dates, [n for n in grid.text if n not in dates], grid.units)
 

@@ -20,6 +20,7 @@ from ..errors import InputError, UsageError, did_you_mean
 from ..flight import STREAM_QUANTITIES, Assumption, Stream
 from ..units import to_si
 from .axes import Frame, frame_of, in_our_axes
+from .dates import DATE_UNITS
 from .payload import read_file
 
 SCHEMA = "nanobench-columns/1"
@@ -40,9 +41,6 @@ UNITS: dict[str, tuple[str, ...]] = {
 
 MESSAGE_TIME = "header.stamp"
 """A map of topics needs no time column: messages carry their own timestamps."""
-
-DATES = "iso8601"
-"""Unit of a time column of dates: 2026-03-01T12:00:00.020Z."""
 
 SENSES = {"pitch": ("nose down", "nose up"), "yaw": ("counter-clockwise", "clockwise")}
 """Angles whose sign differs between programs: ours, and the other."""
@@ -251,7 +249,7 @@ def _time(reader: _Reader, what: object) -> tuple[Entry, Entry | None, float | N
         rest = _entry(reader, "time.add", "", "time", what["add"], "s")
         what = {k: v for k, v in what.items() if k != "add"}
     time = _entry(reader, "time", "", "time", what, "s")
-    if rest is not None and DATES in (time.unit, rest.unit):
+    if rest is not None and {time.unit, rest.unit} & {*DATE_UNITS}:
         raise reader.fail("time", "dates need no second column", "leave add out")
     return time, rest, None
 
@@ -292,7 +290,7 @@ def _entry(reader: _Reader, key: str, stream: str, quantity: str, what: object, 
 def allowed_units(stream: str, quantity: str, si: str | None = None) -> tuple[str, ...]:
     """Units a map may give a quantity in, the SI unit first; stream "" is the time."""
     if not stream:
-        return (*UNITS["s"], DATES)
+        return (*UNITS["s"], *DATE_UNITS)
     if quantity == "tick":
         return UNITS["s"]
     if stream in PWM_STREAMS or (stream, quantity) == ("pid", "cmd_thrust"):

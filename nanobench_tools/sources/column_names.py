@@ -12,8 +12,8 @@ from .known import Ecosystem, Known, ecosystem, keys
 from .units_as_written import unit_as_written
 
 _UNIT = re.compile(r"[\s_]*[\[(]\s*(?!\d+\s*[\])])([^\[\]()]*?)\s*[\])]\s*$")
-_ENDS = re.compile(r"^(.*[^_])_(m_s2|m_s\^2|mm_s2|rad_s|deg_s|dps|m_s|mm_s|ms|us|ns|[mun]sec|s|sec|m|mm|cm|rad|deg|V|"
-                   r"mV|g|mg|N|kgf|gf|rpm|percent|pct)$")
+_ENDS = re.compile(r"^(.*[^_])_(m_s2|m_s\^2|mm_s2|mps2|rad_s|radps|deg_s|degps|dps|m_s|mps|mm_s|ms|us|ns|[mun]sec|s|"
+                   r"sec|m|mm|cm|rad|deg|V|mV|g|mg|N|kgf|gf|rpm|percent|pct)$")
 _TIME_UNIT = re.compile(r"(?i)(time|timestamp)(us|ms|ns)")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _APART = re.compile(r"[^a-z0-9]+")

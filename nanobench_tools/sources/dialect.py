@@ -23,8 +23,6 @@ class Dialect:
 
 def normalise_text(data: bytes) -> bytes:
     """UTF-8 bytes without byte order mark, lines ended by a line feed."""
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        data = data.decode("utf-16", errors="replace").encode()
     data = data.removeprefix(b"\xef\xbb\xbf").replace(MINUS, b"-")
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n")

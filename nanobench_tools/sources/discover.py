@@ -33,7 +33,7 @@ from .table import TableSource
 
 BLANK = b"\x00 \r\n\t"
 PICTURE = "a picture or a point cloud"
-PACKED_SUFFIXES = (".xz", ".gz")
+PACKED_SUFFIXES = (".xz", ".gz", ".bz2")
 Progress = Callable[[int, int, str], None]
 
 

@@ -21,7 +21,8 @@ from ..errors import InputError
 from ..flight import Fault, Flight, Provenance, Stream, make_stream
 from .asl_sensor import SENSORS, AslRows, columns_of, header_line, read_rows, sensor_to_body
 from .axes import Frame, in_our_axes, name_of
-from .members import ZIP_MAGIC, Gathered, names_in
+from .members import Gathered, names_in
+from .payload import ZIP_MAGIC
 from .sheets import Sheet
 
 DATA, SHEET, ROOT = "data.csv", "sensor.yaml", "mav0"

@@ -2,7 +2,7 @@
 
 Lines above it may contain ``sep=;`` (Excel), comments and prose. The line itself may begin with ``#`` or ``%``, and a
 row of units may follow it. The names are the line that is followed by a row of numbers with as many cells, otherwise
-the first line.
+the first line. Names in several lines, groups above their parts, are joined.
 """
 
 from __future__ import annotations
@@ -54,6 +54,8 @@ def find_header(text: bytes) -> Header:
         return Header([], Dialect(given or ","))
     written = [_decoded(line) for line in lines]
     first = _names(written[at], given)
+    if (joined := _joined([(k, written[k]) for k in range(at, len(lines)) if written[k].strip()], first)) is not None:
+        return replace(joined, end=ends[joined.lines - 1])
     for k in range(at, len(lines)):
         found = _names(written[k], given)
         below = next((j for j in range(k + 1, len(lines)) if lines[j].strip()), None)
@@ -69,6 +71,26 @@ def find_header(text: bytes) -> Header:
                 break  # the rows between are damaged
             return replace(found, units=units, end=ends[end], lines=end + 1)
     return replace(first, end=ends[at], lines=at + 1)
+
+
+def _joined(lines: list[tuple[int, str]], first: Header) -> Header | None:
+    """The header of names in several lines: in the first one groups, each written once or above each of its parts.
+
+    None for any other table. ``lines``: number and text of each line."""
+    rows = [[clean_name(c) for c in split_line(line, first.dialect.delimiter)] for _, line in lines]
+    levels = next((k for k, row in enumerate(rows) if any(map(is_number, row)) or len(row) != len(first.names)), 0)
+    if levels < 2 or len(rows[levels]) != len(first.names) or first.dialect.delimiter is None:
+        return None
+    units = _units(lines[levels - 1][1], first)
+    groups, *parts = rows[: levels - bool(units)]
+    if not parts or len({g for g in groups if g}) == len(groups):
+        return None
+    for k in range(1, len(groups)):
+        groups[k] = groups[k] or groups[k - 1]
+    names = [".".join(filter(None, column)) for column in zip(groups, *parts, strict=True)]
+    if len(set(names)) < len(names):
+        return None
+    return Header(names, first.dialect, units, lines=lines[levels - 1][0] + 1)
 
 
 def _is_the_header(first: Header, line: str, found: Header) -> bool:

@@ -19,8 +19,9 @@ from ..flight import Fault, Flight, Stream
 from .base import cell_faults, text_fault
 from .cells import Grid, read_grid
 from .column_map import ColumnMap, Entry
-from .members import ZIP_MAGIC, Gathered, names_in
+from .members import Gathered, names_in
 from .neurobem import unit_length
+from .payload import ZIP_MAGIC
 from .sheets import Sheet
 from .table import flight_of
 from .timestamps import not_seconds

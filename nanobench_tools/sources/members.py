@@ -3,23 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-import lzma
-import struct
 import zipfile
-import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
-from ..errors import InputError
 from ..flight import Flight
 from .base import Source
-from .payload import MOST_BYTES, MOST_RATIO, SMALL_BYTES, digest, read_file, too_large, unpack
-
-ZIP_MAGIC = b"PK\x03\x04"
-UNREADABLE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, struct.error, OSError, ValueError, RuntimeError,
-              NotImplementedError)
+from .payload import UNREADABLE, ZIP_MAGIC, digest, only_member, read_file, unpack, unzipped
 
 
 @dataclass(frozen=True)
@@ -48,7 +40,9 @@ def members_of(files: Mapping[str, Path], wanted: Callable[[Sequence[str]], list
     """Contents by name, of files or of the one archive among them, and where a packed file ends early. InputError that
     names the file."""
     if len(files) == 1 and is_zip(path := next(iter(files.values()))):
-        return _unzipped(path, wanted), ""
+        stored = read_file(path)
+        if not only_member(stored):
+            return unzipped(stored, wanted(names_in(path)), str(path)), ""
     found = {name: unpack(read_file(path), str(path)) for name, path in files.items()}
     return {name: p.data for name, p in found.items()}, "; ".join(p.broken for p in found.values() if p.broken)
 
@@ -78,27 +72,3 @@ def names_in(path: Path) -> list[str]:
             return archive.namelist()
     except UNREADABLE:
         return []
-
-
-def _unzipped(path: Path, wanted: Callable[[Sequence[str]], list[str]]) -> dict[str, bytes]:
-    try:
-        with zipfile.ZipFile(path) as archive:
-            names = wanted(archive.namelist())
-            infos = [archive.getinfo(name) for name in names]
-            total = sum(info.file_size for info in infos)
-            if total > MOST_BYTES:
-                raise too_large(str(path), total, MOST_BYTES)
-            for info in infos:
-                if info.file_size > SMALL_BYTES and info.file_size > MOST_RATIO * max(info.compress_size, 1):
-                    raise too_large(f"{path}: {info.filename}", info.file_size, MOST_RATIO * info.compress_size)
-            found = {}
-            for info in infos:
-                with archive.open(info) as file:
-                    found[info.filename] = file.read(info.file_size + 1)
-                if len(found[info.filename]) > info.file_size:  # it says less than it holds
-                    raise too_large(f"{path}: {info.filename}", len(found[info.filename]), info.file_size)
-            return found
-    except UNREADABLE as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(str(path), f"the archive is damaged ({str(error)[:80]})", "take another copy") from None

@@ -128,7 +128,7 @@ def _assumed(export: Export) -> tuple[Assumption, ...]:
 
 def program_of(head: bytes) -> str:
     """Motive, Qualisys, Vicon, or "" by the first lines."""
-    if b"\x00" in head[:512] and not head.startswith((b"\xff\xfe", b"\xfe\xff")):
+    if b"\x00" in head[:512]:
         return ""
     text = normalise_text(head[:4096]).decode("utf-8", errors="replace")
     first = text.lstrip().split("\n", 1)[0].replace('"', "")

@@ -1,12 +1,20 @@
-"""Bytes of a file: plain, gzip or xz, recognised by their first bytes; one that ends early is read up to its end."""
+"""Bytes of a file: plain, gzip, bzip2, xz or a zip archive of one file, recognised by their first bytes.
+
+An archive that ends early is read up to its end. Text in UTF-16 becomes UTF-8.
+"""
 
 from __future__ import annotations
 
+import bz2
 import hashlib
+import io
 import lzma
+import re
+import struct
+import zipfile
 import zlib
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +23,18 @@ from ..errors import InputError
 HEAD_BYTES = 8192
 """Enough for the header of every format; only this much is unpacked to recognise a file."""
 
-GZIP_MAGIC, XZ_MAGIC = b"\x1f\x8b", b"\xfd7zXZ\x00"
-_GZIP_WINDOW = 16 + zlib.MAX_WBITS
+ZIP_MAGIC = b"PK\x03\x04"
+_DECODERS: dict[bytes, Callable[[], Any]] = {
+    b"\xfd7zXZ\x00": lzma.LZMADecompressor, b"\x1f\x8b": lambda: zlib.decompressobj(16 + zlib.MAX_WBITS),
+    b"BZh": bz2.BZ2Decompressor}
+"""First bytes of a packed file -> how to unpack it."""
+UNREADABLE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, struct.error, OSError, ValueError, RuntimeError,
+              NotImplementedError)
+_UTF_16 = {"utf-16": re.compile(rb"\xff\xfe[\t-~]\x00|\xfe\xff\x00[\t-~]"),
+           "utf-16-le": re.compile(rb"(?:[\t-~]\x00){8}"),
+           "utf-16-be": re.compile(rb"(?:\x00[\t-~]){8}")}
+"""Encoding -> first bytes of a text in it: its mark and a character of ASCII, or eight of
+these."""
 
 SMALL_BYTES = 256 * 1024**2
 """An archive of any size may unpack to this much."""
@@ -89,7 +107,7 @@ def _unpack_members(stored: bytes, new_decoder: Callable[[], Any], place: str) -
                 rest = getattr(decoder, "unconsumed_tail", b"")
                 if decoder.eof or (len(chunks[-1]) < _CHUNK_BYTES and not rest):
                     break
-        except (lzma.LZMAError, zlib.error) as error:
+        except (lzma.LZMAError, zlib.error, OSError) as error:
             if parts:
                 return Payload(b"".join(parts), f"bytes after the archive cannot be unpacked ({error})")
             raise InputError(place, f"the archive is damaged ({error})", "take another copy of the file") from None
@@ -101,25 +119,67 @@ def _unpack_members(stored: bytes, new_decoder: Callable[[], Any], place: str) -
 
 
 def unpack(stored: bytes, place: str = "archive") -> Payload:
-    """Unpack gzip or xz by their magic; anything else is returned as it is.
+    """Unpack a packed file by its first bytes; anything else is returned as it is, text in UTF-16 as UTF-8.
 
     Raises InputError at ``place`` when the archive fails its own check.
     """
-    if stored.startswith(XZ_MAGIC):
-        return _unpack_members(stored, lzma.LZMADecompressor, place)
-    if stored.startswith(GZIP_MAGIC):
-        return _unpack_members(stored, lambda: zlib.decompressobj(_GZIP_WINDOW), place)
-    return Payload(stored)
+    decoder = next((d for magic, d in _DECODERS.items() if stored.startswith(magic)), None)
+    payload = Payload(stored) if decoder is None else _unpack_members(stored, decoder, place)
+    if stored.startswith(ZIP_MAGIC) and (name := only_member(stored)):
+        payload = Payload(unzipped(stored, [name], place)[name])
+    return replace(payload, data=_as_utf_8(payload.data))
+
+
+def _as_utf_8(data: bytes) -> bytes:
+    encoding = next((name for name, start in _UTF_16.items() if start.match(data)), "")
+    return data.decode(encoding, errors="replace").encode() if encoding else data
+
+
+def only_member(stored: bytes) -> str:
+    """Name of the file in a zip archive that has no other; "" for others."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(stored)) as archive:
+            names = [n for n in archive.namelist() if not n.endswith("/") and not n.startswith("__MACOSX")]
+    except UNREADABLE:
+        return ""
+    return names[0] if len(names) == 1 else ""
+
+
+def unzipped(stored: bytes, names: Sequence[str], place: str) -> dict[str, bytes]:
+    """Contents of these files of a zip archive. InputError at ``place`` for one that is damaged or unpacks to far
+    more than a recording."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(stored)) as archive:
+            infos = [archive.getinfo(name) for name in names]
+            total = sum(info.file_size for info in infos)
+            if total > MOST_BYTES:
+                raise too_large(place, total, MOST_BYTES)
+            for info in infos:
+                if info.file_size > SMALL_BYTES and info.file_size > MOST_RATIO * max(info.compress_size, 1):
+                    raise too_large(f"{place}: {info.filename}", info.file_size, MOST_RATIO * info.compress_size)
+            found = {}
+            for info in infos:
+                with archive.open(info) as file:
+                    found[info.filename] = file.read(info.file_size + 1)
+                if len(found[info.filename]) > info.file_size:  # it says less than it holds
+                    raise too_large(f"{place}: {info.filename}", len(found[info.filename]), info.file_size)
+            return found
+    except UNREADABLE as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(place, f"the archive is damaged ({str(error)[:80]})", "take another copy") from None
 
 
 def head(path: Path) -> bytes:
     """The first HEAD_BYTES of the unpacked content (less when the archive is damaged)."""
     stored = read_file(path, HEAD_BYTES)
+    decoder = next((d for magic, d in _DECODERS.items() if stored.startswith(magic)), None)
     try:
-        if stored.startswith(XZ_MAGIC):
-            return lzma.LZMADecompressor().decompress(stored, HEAD_BYTES)
-        if stored.startswith(GZIP_MAGIC):
-            return zlib.decompressobj(_GZIP_WINDOW).decompress(stored, HEAD_BYTES)
-    except (lzma.LZMAError, zlib.error):
+        if decoder is not None:
+            stored = decoder().decompress(read_file(path) if decoder is bz2.BZ2Decompressor else stored, HEAD_BYTES)
+        elif stored.startswith(ZIP_MAGIC) and (name := only_member(whole := read_file(path))):
+            with zipfile.ZipFile(io.BytesIO(whole)) as archive, archive.open(name) as file:
+                stored = file.read(HEAD_BYTES)
+    except UNREADABLE:
         return b""
-    return stored
+    return _as_utf_8(stored)

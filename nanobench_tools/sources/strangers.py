@@ -6,6 +6,7 @@ A file that only looks like one of a format is refused, never read as it. A sour
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from typing import Protocol, runtime_checkable
 
@@ -21,6 +22,10 @@ from .payload import HEAD_BYTES
 STRANGE = "not a recording of any known format"
 MAP = "draft a column map (nanobench columns FILE --out MAP.toml) and read it with --columns MAP.toml"
 PARQUET_MAGIC = b"PAR1"
+OF_PROGRAMS = {
+    re.compile(rb"MATLAB \d"): "a file of MATLAB: write its variables to a CSV there (writetable)",
+    re.compile(rb"\xd0\xcf\x11\xe0|PK\x03\x04(?s:.*)\[Content_Types\]\.xml"): "a workbook: save its sheet as CSV"}
+"""First bytes of files of other programs -> what they are and how to get a table."""
 
 
 @runtime_checkable
@@ -31,9 +36,16 @@ class Doubtful(Protocol):
     def why_not(self, head: bytes) -> str | None: ...
 
 
+def of_program(head: bytes) -> str:
+    """What a file of another program is and how to get a table of it; "" for any other file."""
+    return next((what for start, what in OF_PROGRAMS.items() if start.match(head)), "")
+
+
 def why_strange(data: bytes, sources: Iterable[Source]) -> str:
     """One line about a file nobody recognised; ``data`` its unpacked content."""
     head = data[:HEAD_BYTES]
+    if what := of_program(head):
+        return f"{STRANGE}; {what}"
     doubts = [why for s in sources if isinstance(s, Doubtful) and (why := s.why_not(head)) is not None]
     columns = _columns(data)
     parts = [STRANGE, *doubts]

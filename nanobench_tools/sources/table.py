@@ -7,6 +7,7 @@ lists; ``index`` picks an element.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +15,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from ..errors import InputError, did_you_mean
+from ..errors import InputError, UsageError, did_you_mean
 from ..flight import Fault, Flight, Provenance, Stream, make_stream
 from ..units import factor
 from .base import cell_faults, text_fault
 from .cells import EMPTY_CELLS, GIGANTIC, BadCells, Grid, LostRow, numbers, read_grid, read_text_columns
-from .column_map import DATES, ColumnMap, Entry, in_units, read_column_map
-from .dates import seconds_of_dates
+from .column_map import ColumnMap, Entry, in_units, read_column_map
+from .dates import DATE_UNITS, seconds_of_dates
 from .header import header_of
 from .interpolation import count_changes, count_packets
 from .payload import check_size
@@ -109,7 +110,8 @@ def _seconds(column_map: ColumnMap, cells: Grid, kept: np.ndarray) -> tuple[floa
     epoch, time_s = 0.0, np.zeros(len(kept))
     for entry in column_map.times:
         read = counted_on(cells.columns[_key(entry)][kept])
-        scale = 1.0 / column_map.rate_hz if column_map.rate_hz else 1.0 if entry.unit == DATES else factor(entry.unit)
+        scale = 1.0 / column_map.rate_hz if column_map.rate_hz else 1.0 if entry.unit in DATE_UNITS else factor(
+                entry.unit)
         epoch += float(read[0]) * scale
         time_s += (read - read[0]) * scale
     return epoch, time_s
@@ -154,7 +156,7 @@ def _streams(column_map: ColumnMap, cells: Grid, time_s: np.ndarray,
 
 
 def _text(data: bytes, place: str, column_map: ColumnMap) -> Grid:
-    if all(e.index is None and e.unit != DATES for e in (*column_map.times, *column_map.entries)):
+    if all(e.index is None and e.unit not in DATE_UNITS for e in (*column_map.times, *column_map.entries)):
         grid = read_grid(data, place, numeric=set(column_map.columns), time=column_map.time.column)
         for name, bad in list(grid.bad.items()):
             _set_bad(grid, name, bad)
@@ -162,11 +164,18 @@ def _text(data: bytes, place: str, column_map: ColumnMap) -> Grid:
     cells, text, dialect = read_text_columns(data, place, column_map.columns)
     grid = Grid({}, text.lines, text.rows_in_file, lost=text.lost, truncated=text.truncated)
     for entry in (*column_map.times, *column_map.entries):
-        if entry.column in cells and entry.unit == DATES:
-            grid.columns[_key(entry)] = seconds_of_dates(cells[entry.column])
+        if entry.column in cells and entry.unit in DATE_UNITS:
+            grid.columns[_key(entry)] = _dates(entry, cells[entry.column], place)
         elif entry.column in cells:
             _add(grid, entry, [_element(c, entry.index) for c in cells[entry.column]], dialect.decimal)
     return grid
+
+
+def _dates(entry: Entry, cells: Sequence[str], place: str) -> np.ndarray:
+    try:
+        return seconds_of_dates(cells, entry.unit)
+    except UsageError as error:
+        raise InputError(f"{place}: column {entry.column}", *str(error).split("? ", 1)) from None
 
 
 def _set_bad(grid: Grid, name: str, bad: BadCells | None) -> None:
@@ -218,8 +227,8 @@ def _parquet(data: bytes, place: str, column_map: ColumnMap) -> Grid:
 def _add_arrow(grid: Grid, entry: Entry, column: pa.Array, place: str) -> None:
     kind, key = column.type, _key(entry)
     where = f"{place}: column {entry.column}"
-    if entry.unit == DATES and not pa.types.is_timestamp(kind):
-        grid.columns[key] = seconds_of_dates([str(c or "") for c in column.to_pylist()])
+    if entry.unit in DATE_UNITS and not pa.types.is_timestamp(kind):
+        grid.columns[key] = _dates(entry, [str(c or "") for c in column.to_pylist()], place)
         return
     if pa.types.is_string(kind) or pa.types.is_large_string(kind):
         _add(grid, entry, [_element((c or "").strip(), entry.index) for c in column.to_pylist()], ".")

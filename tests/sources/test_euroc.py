@@ -196,7 +196,6 @@ def test_open_vins_tables_are_the_same_columns():
 
 def test_archives_that_unpack_to_far_more_than_a_recording_are_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(payload, "SMALL_BYTES", 1 << 20)
-    monkeypatch.setattr("nanobench_tools.sources.members.SMALL_BYTES", 1 << 20)
     bomb = members()
     bomb["imu0/data.csv"] += b"0" * (1 << 23)
     (tmp_path / "a.zip").write_bytes(archive(bomb))
@@ -206,7 +205,7 @@ def test_archives_that_unpack_to_far_more_than_a_recording_are_refused(tmp_path,
 
 
 def test_archives_without_a_data_set_are_refused_with_the_reason(tmp_path):
-    (tmp_path / "a.zip").write_bytes(archive({"notes/readme.txt": b"none"}))
+    (tmp_path / "a.zip").write_bytes(archive({"notes/readme.txt": b"none", "notes/more.txt": b"none"}))
     assert "a zip archive without a data set in the ASL layout" in refusal(tmp_path / "a.zip")
     whole = archive(members())
     (tmp_path / "a.zip").write_bytes(whole[: len(whole) // 2])

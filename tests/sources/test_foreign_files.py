@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import bz2
+import functools
 import gzip
+import io
 import lzma
+import zipfile
 
 import numpy as np
 import pytest
@@ -39,6 +43,17 @@ def load(place, data, **more):
     return load_recordings([place / "a"], cache=False, **more)
 
 
+def alone_in_a_zip(data):
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("folder/file.txt", data)
+    return file.getvalue()
+
+
+def encoded(encoding, data):
+    return data.decode().encode(encoding)
+
+
 @pytest.mark.parametrize("name", FOREIGN)
 def test_one_source_or_none(tmp_path, name):
     foreign = FOREIGN[name]
@@ -51,6 +66,26 @@ def test_one_source_or_none(tmp_path, name):
         assert "\n" not in failure["error"]
         assert all(word in failure["error"] for word in foreign.seen), failure["error"]
         assert not foreign.seen or "--columns" in failure["error"]
+
+
+@pytest.mark.parametrize("name", ["TUM of open_vins", "EuRoC truth", "UZH-FPV truth, 8 cells"])
+@pytest.mark.parametrize("packed", [bz2.compress, gzip.compress, lzma.compress, alone_in_a_zip,
+                                    *(functools.partial(encoded, f"utf-16{kind}") for kind in ("", "-le", "-be"))])
+def test_packed_files_and_texts_of_two_bytes_a_letter_are_the_same_recording(tmp_path, name, packed):
+    (plain,) = load(tmp_path, FOREIGN[name].data).flights
+    (flight,) = load(tmp_path, packed(FOREIGN[name].data)).flights
+    assert flight.provenance.source == plain.provenance.source
+    np.testing.assert_array_equal(flight["mocap"].values, plain["mocap"].values)
+
+
+def test_files_of_other_programs_are_named(tmp_path):
+    workbook = io.BytesIO()
+    with zipfile.ZipFile(workbook, "w") as archive:
+        archive.writestr("[Content_Types].xml", "<Types/>")
+        archive.writestr("xl/workbook.xml", "<workbook/>")
+    for data, what in ((workbook.getvalue(), "a workbook: save its sheet as CSV"),
+                       (b"MATLAB 5.0 MAT-file, Platform: GLNXA64" + bytes(90), "a file of MATLAB")):
+        assert what in load(tmp_path, data).failed[0]["error"]
 
 
 @pytest.mark.parametrize("data", [csv_text(VALUES).encode(), usd_log().data])

@@ -71,3 +71,18 @@ def test_a_table_without_names_is_said_to_have_none():
     ("m·s⁻¹", "m/s"), ("%", "%"), ("", None), ("mm", "mm"), ("Mm", "mm"), ("A", "A"), ("V", "V"), ("mV", "mV")])
 def test_units_as_written(text, unit):
     assert unit_as_written(text) == unit
+
+
+@pytest.mark.parametrize("above", [
+    b"time,pos,,vel,\n,x,y,x,y\n", b"time,pos,,vel,\n,x,y,x,y\ns,m,m,m/s,m/s\n",
+    b",pos,pos,vel,vel\n,x,y,x,y\ntime,,,,\n"])
+def test_names_in_groups_are_joined(above):
+    grid = read_grid(above + b"0.0,1.0,2.0,3.0,4.0\n0.1,1.5,2.5,3.5,4.5\n", "table.csv")
+    assert list(grid.columns) == ["time", "pos.x", "pos.y", "vel.x", "vel.y"]
+    assert grid.columns["vel.x"].tolist() == [3.0, 3.5]
+    assert grid.lines.tolist() == [above.count(b"\n") + 1, above.count(b"\n") + 2]
+
+
+def test_damaged_rows_below_names_are_no_names():
+    grid = read_grid(b"t,x,y\na,b,c\nd,e,f\n" + ROWS, "table.csv")
+    assert grid.columns["y"].tolist()[-2:] == [2.0, 2.5]

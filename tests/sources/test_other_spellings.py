@@ -134,6 +134,28 @@ def test_greek_angles(tmp_path, names):
     np.testing.assert_allclose(flight["imu"]["gyro_x", "gyro_y", "gyro_z"], w, atol=1e-8)
 
 
+def test_units_in_names_as_matlab_allows_them(tmp_path):
+    t, p, v, a, turn, w = flown()
+    force = turn.inv().apply(a + G)
+    flight, draft = read(written(tmp_path, {
+        "time_s": t, **vector(("pos_x_m", "pos_y_m", "pos_z_m"), p), **vector(("p_radps", "q_radps", "r_radps"), w),
+        **vector(("vel_x_mps", "vel_y_mps", "vel_z_mps"), v), **vector(("acc_x_mps2", "acc_y_mps2", "acc_z_mps2"),
+                                                                       force)}))
+    assert {*draft.status.values()} == {"known"}
+    np.testing.assert_allclose(flight["mocap"]["vx", "vy", "vz"], v, atol=1e-8)
+    np.testing.assert_allclose(flight["imu"].values, np.hstack([w, force]), atol=1e-8)
+
+
+def test_the_orientation_of_an_inertial_sensor_is_no_motion_capture(tmp_path):
+    t, _, _, a, turn, w = flown()
+    message = {"orientation": turn.as_quat(), "angular_velocity": w, "linear_acceleration": turn.inv().apply(a + G)}
+    flight, draft = read(written(tmp_path, {"%time": 1e9 * t + 1.7e18} | {
+        f"field.{name}.{axis}": column for name, values in message.items()
+        for axis, column in zip("xyzw", values.T, strict=False)}))
+    assert set(flight.streams) == {"imu"}
+    assert "attitude_qw" in draft.unknown["field.orientation.x"]
+
+
 def test_one_greek_angle_alone_is_no_pitch(tmp_path):
     t, p, _, _, turn, _ = flown()
     draft = draft_columns(written(tmp_path, {"t": t, **vector(("px", "py", "pz"), p), "theta": turn.magnitude()}))
