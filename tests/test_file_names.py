@@ -5,8 +5,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 OURS = ("nanobench_tools", "estimators", "controllers", "identification")
-MIRRORED = ("nanobench_tools/physics/terms", "identification/prove/effects", "identification/mismatch/steady/causes")
-"""One physical effect has a file of the same name here: its equation, how a case gets it, what it does to a trim."""
+MIRRORED = ("nanobench_tools/physics/terms", "identification/mismatch/steady/causes")
+"""One physical effect has a file of the same name here: its equation, and what it does to a trim."""
 
 FORMER = ("nanobench_tools/faults", "nanobench_tools/retiming")
 """Places of the last release that only name today's (``renamed``)."""

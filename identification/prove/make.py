@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
-from pathlib import Path
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from nanobench_tools import so3
 from nanobench_tools.errors import UsageError
 from nanobench_tools.flight import Flight, Provenance
 from nanobench_tools.physics.model import Model
-from nanobench_tools.physics.simulator import dumps, write_simulator
+from nanobench_tools.physics.simulator import dumps
 from nanobench_tools.practice.flights import EPOCH_S, SECONDS_APART, SEED_SECONDS
 from nanobench_tools.practice.flying import Flown, flight_rngs, fly
 from nanobench_tools.practice.inject import INJECTIONS
@@ -21,13 +20,12 @@ from nanobench_tools.practice.logging_chain import LoggingChain, record
 from nanobench_tools.practice.onboard_crowd import OnboardFleet
 from nanobench_tools.practice.timeline import Timeline
 from nanobench_tools.practice.vehicle_parameters import Vehicles
-from nanobench_tools.sources.nanobench import write_nanobench
 
 from .airframe import Airframe
 from .case_kinds import OUTCOMES, CaseSpec, Hidden, forbids
 from .effects import EFFECTS
+from .effects.body_effects import FrameTilt
 from .effects.effect import Parameters
-from .effects.frame_tilt import FrameTilt
 from .engine import Acting, Engine, vehicles_of
 from .truth import TrueEffect, TrueFault, TrueParameter, Truth
 
@@ -256,14 +254,3 @@ def _believed(airframe: Airframe, believed: dict[str, float], name: str) -> floa
     if name.startswith("inertia."):
         return airframe.inertia_kg_m2[int(name[-2])]
     return None
-
-
-def write_case(case: Case, folder: Path | str, *, suffix: str = ".csv.xz") -> Path:
-    """``folder/flights/*.csv.xz`` with their sheets and ``folder/simulator.toml``; nothing of the truth."""
-    folder = Path(folder)
-    if suffix not in (".csv", ".csv.gz", ".csv.xz"):
-        raise UsageError(f"suffix {suffix!r}; known: .csv, .csv.gz, .csv.xz")
-    for flight in case.flights:
-        write_nanobench(flight, folder / "flights" / f"{flight.name}{suffix}")
-    write_simulator(case.simulator, folder / "simulator.toml")
-    return folder

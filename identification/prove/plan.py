@@ -16,7 +16,7 @@ from nanobench_tools.practice.inject import INJECTIONS
 from .airframe import LIFT, Airframe, draw_airframe
 from .case_kinds import CaseSpec, DataFault, FlightSpec, Hidden, Nuisance
 from .effects import EFFECTS, FOREIGN, KNOWN, SIZES
-from .effects.thrust_voltage import CHARGES
+from .effects.motor_effects import CHARGES
 from .routes import draw_flights
 
 QUOTAS = {"null": 0.30, "single": 0.24, "twin": 0.12, "pair": 0.10, "fault": 0.07, "change": 0.02, "foreign": 0.15}

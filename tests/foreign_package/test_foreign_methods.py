@@ -16,9 +16,11 @@ import json
 import sys
 from dataclasses import replace
 from pathlib import Path
-from identification.prove.make import make_case, write_case
-from identification.prove.seal import write_truth
+from identification.prove.make import make_case
 from identification.prove.plan import TWINS, plan_cases
+from identification.prove.seal import text_of
+from nanobench_tools.physics.simulator import write_simulator
+from nanobench_tools.sources.nanobench import write_nanobench
 
 def hides(spec):
     return [(h.effect, h.size) for h in spec.concealed] == [({TERM!r}, "large")]
@@ -35,8 +37,11 @@ case = make_case(spec)
 (name, entry), = effect.parameters.items()
 assert (effect.term, name, entry.unit) == ({TERM!r}, {TERM!r} + ".k", "N s^2/m^2")
 assert 0.07 < entry.value < 0.09 and {TERM!r} not in case.simulator
-write_case(case, sys.argv[1], suffix=".csv")
-write_truth([case.truth], Path(sys.argv[1], "truth.json"))
+folder = Path(sys.argv[1])
+for flight in case.flights:
+    write_nanobench(flight, folder / "flights" / (flight.name + ".csv"))
+write_simulator(case.simulator, folder / "simulator.toml")
+Path(folder, "truth.json").write_bytes(text_of([case.truth]))
 """
 
 FITTED = """

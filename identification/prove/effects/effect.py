@@ -88,10 +88,11 @@ class Effect:
         values = cls.term(p, airframe)
         return model if values is None else model.with_term(cls.name, **values)
 
-    @staticmethod
-    def concealed(model: Model, p: Parameters, mean_V: float) -> Model:
-        """What more must be taken from an uninformed simulator; mean_V battery voltage in the air over all flights."""
-        return model
+    @classmethod
+    def concealed(cls, model: Model, p: Parameters, mean_V: float) -> Model:
+        """What more must be taken from an uninformed simulator: the term where that is to be ``absent``. mean_V:
+        battery voltage in the air over all flights."""
+        return model.without(cls.name) if p.get("absent") else model
 
     @classmethod
     def acting(cls, parts: Sequence[tuple[Mapping[str, Any], int]]) -> Effect:

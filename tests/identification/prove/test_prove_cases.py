@@ -10,17 +10,18 @@ from identification.prove.airframe import Airframe
 from identification.prove.case_flights import _place, forget, given, keep, kept
 from identification.prove.case_kinds import CaseSpec, DataFault, FlightSpec, Hidden, Nuisance, forbids
 from identification.prove.effects import EFFECTS, FOREIGN, KNOWN, SIZES
-from identification.prove.make import make_case, make_cases, write_case
+from identification.prove.make import make_case, make_cases
 from identification.prove.plan import QUOTAS, plan_cases
-from identification.prove.seal import open_truth, seal, write_truth
+from identification.prove.seal import seal
 from identification.prove.truth import TrueFault, TrueParameter
-from nanobench_tools.errors import InputError
 from nanobench_tools.harness import item_key
-from nanobench_tools.physics.simulator import read_simulator
+from nanobench_tools.physics.simulator import read_simulator, write_simulator
 from nanobench_tools.practice import flying
 from nanobench_tools.practice.references import path_spec
 from nanobench_tools.practice.timeline import Events
+from nanobench_tools.results.result import from_json, to_json
 from nanobench_tools.sources.discover import load_recordings
+from nanobench_tools.sources.nanobench import write_nanobench
 
 FLIGHTS = (FlightSpec(path_spec("circle", "medium", duration_s=1.0), "pid", 0.9),)
 
@@ -96,7 +97,10 @@ def test_what_is_kept_between_making_and_diagnosis_is_the_same_and_whole(cases, 
 
 def test_what_is_read_back_is_what_was_made_and_tells_no_truth(cases, tmp_path):
     made = cases[0]
-    folder = write_case(made, tmp_path / made.name)
+    folder = tmp_path / made.name
+    for flight in made.flights:
+        write_nanobench(flight, folder / "flights" / f"{flight.name}.csv.xz")
+    write_simulator(made.simulator, folder / "simulator.toml")
     assert read_simulator(folder / "simulator.toml") == made.simulator
     loaded = load_recordings([folder / "flights"], cache=False)
     assert not loaded.failed
@@ -130,14 +134,11 @@ def test_what_faults_forbid(faults, forbidden):
     assert forbids(faults, ["flight_1", "flight_2"]) is forbidden
 
 
-def test_the_seal_holds_the_truth(cases, tmp_path):
+def test_the_seal_holds_the_truth(cases):
     truths = [c.truth for c in cases]
-    sealed = write_truth(truths, tmp_path / "truth.json")
-    assert sealed == seal(truths)
-    assert open_truth(tmp_path / "truth.json", sealed) == truths
-    (tmp_path / "truth.json").write_text((tmp_path / "truth.json").read_text().replace("wind", "drag"))
-    with pytest.raises(InputError, match="hash"):
-        open_truth(tmp_path / "truth.json", sealed)
+    assert seal(truths) == seal([from_json(type(t), to_json(t)) for t in truths])
+    (first, *others), rest = truths[0].effects, truths[1:]
+    assert seal(truths) != seal([replace(truths[0], effects=(replace(first, size="small"), *others)), *rest])
 
 
 def test_the_plan_keeps_its_quotas_and_covers_the_grid():
