@@ -10,7 +10,7 @@ from ..protocols.published import beside
 from ..protocols.sessions import Drawn
 from ..steps.options import Options, one_line
 from ..steps.result_bodies import LearnedRow, Lessons
-from ..steps.show import data_word, score_text
+from ..steps.show import data_word, rich_table, score_text
 
 if TYPE_CHECKING:
     from controllers.learned.policies import Network
@@ -175,18 +175,11 @@ def plant_rows(options: Options, networks: Mapping[str, Any], chosen: Chosen, sp
 
 
 def _show(options: Options, rows: Sequence[LearnedRow]) -> None:
-    from rich import box
-    from rich.table import Table
-
     from ..protocols.sessions import interval_note
 
     title = (f"Task 2, learned controllers on learned dynamics: {data_word(options)} flights held out, scored against "
              "the logged path until 2 m away, mean ± SD over n flights")
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for head in ("reference", "controller", "n"):
-        table.add_column(head, no_wrap=True)
-    for _, heading, _ in COLUMNS:
-        table.add_column(heading, justify="right")
+    table = rich_table(title, ("reference", "controller", "n"), [heading for _, heading, _ in COLUMNS])
     for row in rows:
         lines: list[tuple[str, str, Mapping[str, Any]]] = [(row.reference, str(row.n), row.statistics)]
         if row.published is not None:

@@ -15,7 +15,7 @@ from ..results.fitted_values import LeftOut
 from ..steps.control_tables import show_mismatch, show_simulated
 from ..steps.options import Options, one_line
 from ..steps.result_bodies import GateBody, GateJudged, SimulatedPart
-from ..steps.show import data_word
+from ..steps.show import data_word, rich_table
 from ..time_offsets.moving.votes import AS_RECORDED, evidence_of
 
 if TYPE_CHECKING:
@@ -247,18 +247,12 @@ def _gate_note(found: Mapping[str, GateSummary], chosen: Chosen) -> str:
 
 
 def _show_gate(options: Options, rows: Sequence[GateRow], found: Mapping[str, GateSummary]) -> None:
-    from rich import box
-    from rich.table import Table
-
     from ..protocols.sessions import interval_note
 
     title = (f"Gate: {data_word(options)} held-out flights flown again on the plant, clock {options.clock}; given: "
              "setpoints, battery, gaps of the radio, state at the start")
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for head in ("flight", "controller"):
-        table.add_column(head, no_wrap=True)
-    for head in ("RMSE recorded m", "simulated m", "ratio", "lag diff ms", "gap cm", "pass"):
-        table.add_column(head, justify="right")
+    table = rich_table(title, ("flight", "controller"),
+                       ("RMSE recorded m", "simulated m", "ratio", "lag diff ms", "gap cm", "pass"))
     for row in rows:
         table.add_row(one_line(row.flight), row.controller, f"{row.rmse_real_m:.3f}",
                       f"{row.rmse_sim_m:.3f}", f"{row.ratio:.3f}", f"{1e3 * row.lag_diff_s:+.0f}",

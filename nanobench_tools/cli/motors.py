@@ -14,14 +14,12 @@ from ..results.result import to_json
 from ..steps.diagnosing import check_installed
 from ..steps.motor_fits import FittedNumber, check_mass, fitted_numbers, motors_sentence, study_motors
 from ..steps.options import Options, one_line
-from ..steps.show import data_word, say_reasons
+from ..steps.show import data_word, rich_table, say_reasons
 from ..tables.result_table import Table as Grid
 from .closing import again, close
 from .shared_options import PATH, no_paths_beside, shared_options
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from identification.motors import Study
     from identification.motors.motor_parts import ForcePart, LagPart, MomentPart, MotorResult, SpeedPart
 
@@ -114,19 +112,9 @@ def _show(options: Options, found: MotorResult) -> None:
     options.detail(interval_note([{"sessions": found.sessions, "ci_why": found.ci_why, "n": len(found.test)}]))
 
 
-def _table(title: str, heads: list[str]) -> Table:
-    from rich import box
-    from rich.table import Table
-
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for i, head in enumerate(heads):
-        table.add_column(head, justify="left" if i == 0 else "right", no_wrap=i == 0)
-    return table
-
-
 def _show_lag(options: Options, part: LagPart, held_out: int) -> None:
-    table = _table(f"Motor lag: {data_word(options)} data, {held_out} held-out flights, error of rotor "
-                   "speed within seconds", ["model", "up ms", "down ms", "delay ms", "rad/s", "95 %"])
+    table = rich_table(f"Motor lag: {data_word(options)} data, {held_out} held-out flights, error of rotor speed "
+                       "within seconds", ("model",), ("up ms", "down ms", "delay ms", "rad/s", "95 %"))
     for row in part.rows:
         interval = "-" if row.ci95 is None else " .. ".join(f"{x:.2f}" for x in row.ci95)
         name = row.model + (" *" if row.model == part.best else "")
@@ -143,8 +131,8 @@ def _show_lag(options: Options, part: LagPart, held_out: int) -> None:
 
 
 def _show_speed(options: Options, part: SpeedPart, force: ForcePart) -> None:
-    table = _table(f"Rotor speed from PWM and voltage: {data_word(options)} data, training flights held out in turn",
-                   ["map", "rad/s", "equation", "note"])
+    table = rich_table(f"Rotor speed from PWM and voltage: {data_word(options)} data, training flights held out in "
+                       "turn", ("map",), ("rad/s", "equation", "note"))
     for row in part.ranked:
         table.add_row(row.model + (" *" if row.model == part.best else ""), f"{row.rms_rad_s:.2f}",
                       one_line(row.equation), one_line(row.trouble))
@@ -178,9 +166,9 @@ def _show_rotation(options: Options, found: MotorResult) -> None:
         options.detail("Rotation is not predicted: no onboard estimate of velocity and attitude in these logs.")
         return
     step_ms = 1e3 * found.step_s
-    table = _table(f"Rotation predicted on held-out flights: {data_word(options)} data, mean error after 1, 10, 50 "
-                   f"steps of {step_ms:.2f} ms \\[95 % after 10], {rows[0].n_windows} windows, "
-                   f"{rows[0].n_flights} flights", ["input", *(heading for _, heading in SHOWN)])
+    table = rich_table(f"Rotation predicted on held-out flights: {data_word(options)} data, mean error after 1, 10, 50 "
+                       f"steps of {step_ms:.2f} ms \\[95 % after 10], {rows[0].n_windows} windows, "
+                       f"{rows[0].n_flights} flights", ("input",), [heading for _, heading in SHOWN])
     for row in rows:
         cells = []
         for metric, _ in SHOWN:

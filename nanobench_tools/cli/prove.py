@@ -12,15 +12,16 @@ from ..errors import InputError, UsageError
 from ..results.result import to_json
 from ..steps.blind_proofs import blind_proof, proof_sentence
 from ..steps.diagnosing import ENGINES, check_installed, engine_of_flights
+from ..steps.motor_fits import check_mass
 from ..steps.options import Options, one_line
-from ..steps.show import data_word
+from ..steps.show import data_word, rich_table
 from ..tables.result_table import Table as Grid
 from .closing import again, close, shown_page
 from .known_options import knows
 from .prove_corrupted import DEFAULT_PLACES
 from .prove_corrupted import corrupted as wrong_simulators
 from .prove_shipped import shipped as shipped_wrong
-from .real_folders import HEADS, NORMAL, check_mass, copies_between, real_folders, rows, sentences, show_folders
+from .real_folders import HEADS, NORMAL, copies_between, real_folders, rows, sentences, show_folders
 from .shared_options import PATH, shared_options
 
 if TYPE_CHECKING:
@@ -230,8 +231,8 @@ def _close(options: Options, right: int, cases: int, false_names: int, screen: S
 def show_proof(options: Options, found: Proof, word: str) -> None:
     """Tables to read: kinds, sizes, terms, concealed against identified effects, confidence."""
     summary, details = found.summary, found.summary.details
-    kinds = _table(f"Blind proof: {word} data, {summary.cases} cases [exact 95 % intervals]",
-                   ("kind", "cases", "right", "false names", "outcomes"))
+    kinds = rich_table(f"Blind proof: {word} data, {summary.cases} cases [exact 95 % intervals]", ("kind",),
+                       wrapped=("cases", "right", "false names", "outcomes"))
     for kind, row in summary.by_kind.items():
         kinds.add_row(kind, str(row.n), share_text(row), share_text(row.false_names),
                       ", ".join(f"{name} {count}" for name, count in row.outcomes.items()))
@@ -239,7 +240,7 @@ def show_proof(options: Options, found: Proof, word: str) -> None:
         kinds.add_row(f"flown by {engine}", str(flown.n), share_text(flown), share_text(flown.false_names), "")
     kinds.add_row("all", str(summary.cases), "", share_text(details.false_name_rate), "")
     options.detail(kinds)
-    figures = _table(f"What the verdicts are worth ({word})", ("figure", "", "n"))
+    figures = rich_table(f"What the verdicts are worth ({word})", ("figure",), wrapped=("", "n"))
     for size, recall in details.recall_by_size.items():
         quiet = f", {recall.below_power} of them rightly below the stated size" if recall.below_power else ""
         figures.add_row(f"{size} single effects identified", share_text(recall) + quiet, str(recall.n))
@@ -267,9 +268,9 @@ def show_proof(options: Options, found: Proof, word: str) -> None:
 def show_real(options: Options, found: RealProof) -> None:
     """One row per kind of ignorance, then the cases."""
     word = data_word(options)
-    table = _table(f"Knowledge taken from a fitted simulator: {word} recordings, {len(found.train)} flights train, "
-                   "others are diagnosed [exact 95 % intervals]",
-                   ("taken away", "cases", "named", "false names beside", "verdicts"))
+    table = rich_table(f"Knowledge taken from a fitted simulator: {word} recordings, {len(found.train)} flights train, "
+                       "others are diagnosed [exact 95 % intervals]", ("taken away",),
+                       wrapped=("cases", "named", "false names beside", "verdicts"))
     for kind, row in found.summary.by_kind.items():
         mine = [c for c in found.cases if c.kind == kind]
         beside = sum(bool(c.beside) for c in mine)
@@ -283,8 +284,8 @@ def show_real(options: Options, found: RealProof) -> None:
 
 
 def _power_table(power: Mapping[str, TermPower], word: str) -> Table:
-    table = _table(f"Identified single effects by size ({word}); below: rightly not identified, below the stated size",
-                   ("term", "small", "medium", "large", "smallest detectable, as stated"))
+    table = rich_table(f"Identified single effects by size ({word}); below: rightly not identified, below the stated "
+                       "size", ("term",), wrapped=("small", "medium", "large", "smallest detectable, as stated"))
     for term, row in power.items():
         cells = ["-" if found is None else f"{found.named} of {found.n}"
                  + (f", {found.below_power} below" if found.below_power else "")
@@ -295,7 +296,7 @@ def _power_table(power: Mapping[str, TermPower], word: str) -> Table:
 
 
 def _show_confusion(options: Options, confusion: Mapping[str, Mapping[str, int]], word: str) -> None:
-    table = _table(f"Concealed and named ({word})", ("truth", "verdict"))
+    table = rich_table(f"Concealed and named ({word})", ("truth",), wrapped=("verdict",))
     for there, said in confusion.items():
         table.add_row(there, ", ".join(f"{one_line(name)} {count}" for name, count in said.items()))
     options.detail(table)
@@ -304,7 +305,7 @@ def _show_confusion(options: Options, confusion: Mapping[str, Mapping[str, int]]
 def _show_calibration(options: Options, calibration: Sequence[Sequence[float]], word: str) -> None:
     if not calibration:
         return
-    table = _table(f"Confidence ({word})", ("stated", "right", "findings"))
+    table = rich_table(f"Confidence ({word})", ("stated",), wrapped=("right", "findings"))
     for stated, right, n in calibration:
         table.add_row(f"{stated:.0%}", f"{right:.0%}", str(n))
     options.detail(table)
@@ -316,13 +317,3 @@ def share_text(found: Share) -> str:
         return "-"
     low, high = found.ci95
     return f"{found.right} of {found.n}, {found.share:.0%} [{100 * low:.0f}, {100 * high:.0f}]"
-
-
-def _table(title: str, heads: Sequence[str]) -> Table:
-    from rich import box
-    from rich.table import Table
-
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for i, head in enumerate(heads):
-        table.add_column(head, no_wrap=i == 0)
-    return table

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..errors import InputError, UsageError
+from ..errors import InputError
 from ..steps.options import Options, one_line
-from ..steps.show import data_word
+from ..steps.show import data_word, rich_table
 
 if TYPE_CHECKING:
     from identification.prove.folder_score import FolderProof
@@ -60,14 +60,8 @@ def copies_between(groups: Mapping[str, Sequence[Flight]], copies: Sequence[Sequ
 
 def show_folders(options: Options, found: FolderProof) -> None:
     """One row per folder, one per normal flight left out; then what they add up to."""
-    from rich import box
-    from rich.table import Table
-
-    word = data_word(options)
-    table = Table(title=f"Folders diagnosed blind against {len(found.normal)} normal flights, {word}",
-                  title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for head in HEADS:
-        table.add_column(head, no_wrap=head == "folder")
+    table = rich_table(f"Folders diagnosed blind against {len(found.normal)} normal flights, {data_word(options)}",
+                       HEADS[:1], wrapped=HEADS[1:])
     for row in rows(found):
         table.add_row(*row)
     options.detail(table)
@@ -117,12 +111,3 @@ def sentences(found: FolderProof) -> list[str]:
     if found.without_folder:
         lines.append(f"labels without a folder here: {one_line(', '.join(found.without_folder))}")
     return lines
-
-
-def check_mass(mass_kg: float) -> None:
-    """UsageError for a mass no vehicle has."""
-    from ..physics.vehicle import BOUNDS
-
-    low, high = BOUNDS["mass_kg"]
-    if not low <= mass_kg <= high:
-        raise UsageError(f"--mass {mass_kg:g} kg is outside {low:g} to {high:g} kg; is it in grams?")

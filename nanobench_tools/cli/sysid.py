@@ -18,7 +18,7 @@ from ..steps.named_methods import load_methods
 from ..steps.options import Options
 from ..steps.result_bodies import ClockModels, SysidBody
 from ..steps.sentences import predicted
-from ..steps.show import data_word, sessions_text, show_left_out, show_ratios
+from ..steps.show import data_word, rich_table, sessions_text, show_left_out, show_ratios
 from ..time_offsets.moving.votes import AS_RECORDED, evidence_of
 from .closing import close, close_scores, same, shortened
 from .shared_options import PATH, no_paths_beside, shared_options
@@ -243,15 +243,13 @@ def trade(rows: Sequence[PredictionRow], exported: str, best: str | None) -> str
 
 
 def _show(options: Options, rows: Sequence[PredictionRow], chosen: Split) -> None:
-    from rich import box
     from rich.markup import escape
-    from rich.table import Table
 
     from ..protocols.sessions import interval_note
 
     title = (f"Task 1: {data_word(options)} data, clock {options.clock}, mean error after 1, 10, 50 steps of 10 ms "
              "and sum over 1..50 \\[95 % interval of the sum]")
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    table = rich_table(title)
     for head in ("model", "information", "truth", "start", "group", "windows", "flights", "sessions"):
         table.add_column(head, no_wrap=head != "model", overflow="fold")  # two names may begin alike
     for _, heading in SHOWN:
@@ -275,9 +273,7 @@ def _show(options: Options, rows: Sequence[PredictionRow], chosen: Split) -> Non
 
 
 def _show_commands(options: Options, rows: Sequence[PredictionRow]) -> None:
-    from rich import box
     from rich.markup import escape
-    from rich.table import Table
 
     from ..protocols.response import MIX, SHOWN_S
 
@@ -285,11 +281,9 @@ def _show_commands(options: Options, rows: Sequence[PredictionRow]) -> None:
     if not found:
         return
     one = next(iter(found.values()))
-    table = Table(title=f"Answer to a step of {one.step:g} of PWM in the inputs, {data_word(options)} data, "
+    table = rich_table(f"Answer to a step of {one.step:g} of PWM in the inputs, {data_word(options)} data, "
                         f"{one.windows} windows: change after {SHOWN_S} s, and its share of rigid-body physics of "
-                        "numbers from firmware, scale and ruler", title_justify="left", box=box.SIMPLE_HEAD,
-                  pad_edge=False)
-    table.add_column("model")
+                        "numbers from firmware, scale and ruler", wrapped=("model",))
     for name in MIX:
         table.add_column(f"{name} {getattr(one, name).after_s[SHOWN_S].unit}", justify="right", no_wrap=True)
     table.add_column("is it a vehicle?")

@@ -9,6 +9,7 @@ import click
 from ..errors import UsageError
 from ..steps.gain_search import JUDGED, TRAINED, Report, Search, Tuned, gains_toml, paths, tune_gains
 from ..steps.options import Options, one_line
+from ..steps.show import rich_table
 from ..tables.result_table import Table as Grid
 from .closing import again, close
 from .shared_options import PATH, FiniteRange, shared_options
@@ -65,31 +66,24 @@ def tune(options: Options, controller: str, plant: str, simulator: Path | None, 
 
 def _show(options: Options, tuned: Tuned) -> None:
     import numpy as np
-    from rich import box
-    from rich.table import Table
 
     controller, judged, outcome = tuned.search.controller, tuned.search.judged, tuned.outcome
     if outcome is None:
         return
     before, after, found, report = outcome.before, outcome.after, outcome.found, outcome.report
-    table = Table(title=f"{one_line(controller)} tuned: SIMULATED flights of {found.plants} plants and of families "
-                  "not searched on", title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("reference", no_wrap=True)
-    for head in ("m/s", "RMSE before m", "after m", "worst plant before m", "after m", "lost before", "after"):
-        table.add_column(head, justify="right")
+    title = f"{controller} tuned: SIMULATED flights of {found.plants} plants and of families not searched on"
+    heads = ("reference", "m/s", "RMSE before m", "after m", "lost before", "after", "worst plant before m", "after m")
+    rows = []
     for k, spec in enumerate(judged):
         b, a = np.array(before.rmse_m[k], float), np.array(after.rmse_m[k], float)
         speed = spec.params.get("speed_mps")
-        table.add_row(spec.family, "-" if speed is None else f"{speed:g}", f"{np.median(b):.3f}", f"{np.median(a):.3f}",
-                      f"{b.max():.3f}", f"{a.max():.3f}", str(sum(before.lost[k])), str(sum(after.lost[k])))
+        rows.append((spec.family, "-" if speed is None else f"{speed:g}", f"{np.median(b):.3f}", f"{np.median(a):.3f}",
+                     str(sum(before.lost[k])), str(sum(after.lost[k])), f"{b.max():.3f}", f"{a.max():.3f}"))
+    table = rich_table(one_line(title), heads[:1], heads[1:])
+    for row in rows:
+        table.add_row(*row)
     options.detail(table)
-    rows = [(spec.family, f"{spec.params.get('speed_mps', float('nan')):g}",
-             f"{np.median(np.array(before.rmse_m[k], float)):.3f}",
-             f"{np.median(np.array(after.rmse_m[k], float)):.3f}", str(sum(before.lost[k])), str(sum(after.lost[k])))
-            for k, spec in enumerate(judged)]
-    _close(options, controller, report, tuned.sentence, [Grid.plain(
-        f"{controller} tuned: SIMULATED flights of {found.plants} plants and of families not searched on",
-        ("reference", "m/s", "RMSE before m", "after m", "lost before", "after"), rows)])
+    _close(options, controller, report, tuned.sentence, [Grid.plain(title, heads[:6], [row[:6] for row in rows])])
 
 
 def _close(options: Options, controller: str, report: Report, result: str, screen: Sequence[Grid]) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..results.result import Result
 from .options import Options, one_line
+from .show import rich_table
 
 if TYPE_CHECKING:
     from ..protocols.simulated import ErrorBar, MismatchRow, SimulatedRow
@@ -35,18 +36,12 @@ def with_disturbances(radio_s: float, wind_m_s: float, silent: float) -> str:
 def show_simulated(options: Options, rows: Sequence[SimulatedRow], bar: ErrorBar | None,
                    radio_s: float, wind_m_s: float, silent: float) -> None:
     """By reference and speed, the best first; then every controller over all of them; then the disturbances."""
-    from rich import box
-    from rich.table import Table
-
     off = "no gate" if bar is None else f"± {100.0 * bar.rmse_share:.0f} % by the gate of {bar.n} flights"
     flown_with = with_disturbances(radio_s, wind_m_s, silent)
-    table = Table(title=f"Task 2, SIMULATED flights, median and worst decile of n plants ({off}{flown_with})",
-                  title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for head in ("reference", "m/s", "controller", "information", "n"):
-        table.add_column(head, no_wrap=True)
-    for head in ("RMSE m", "worst decile m", "lag removed m", "contour m", "> 0.5 m %", "at cap %", "lost %",
-                 "p99 ms"):
-        table.add_column(head, justify="right")
+    table = rich_table(f"Task 2, SIMULATED flights, median and worst decile of n plants ({off}{flown_with})",
+                       ("reference", "m/s", "controller", "information", "n"),
+                       ("RMSE m", "worst decile m", "lag removed m", "contour m", "> 0.5 m %", "at cap %", "lost %",
+                        "p99 ms"))
     group = None
     for row in sorted(rows, key=lambda r: (r.reference, r.speed_m_s or 0.0, _order(r.metrics["rmse_m"]))):
         m, mine = row.metrics, (row.reference, speed_text(row))
@@ -112,17 +107,10 @@ def together(rows: Sequence[SimulatedRow]) -> list[Together]:
 
 
 def _show_together(options: Options, rows: Sequence[SimulatedRow]) -> None:
-    from rich import box
-    from rich.table import Table
-
-    table = Table(title="All references together; the last columns: references with at least 30 % less RMSE, and the "
-                  "least gain",
-                  title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for head in ("controller", "information"):
-        table.add_column(head, no_wrap=True)
-    for head in ("references", "median RMSE m", "contour m", "largest worst decile m", "lost %",
-                 *(f"30 % below {name}" for name in TO_BEAT)):
-        table.add_column(head, justify="right")
+    table = rich_table("All references together; the last columns: references with at least 30 % less RMSE, and the "
+                       "least gain", ("controller", "information"),
+                       ("references", "median RMSE m", "contour m", "largest worst decile m", "lost %",
+                        *(f"30 % below {name}" for name in TO_BEAT)))
     for one in together(rows):
         better = ["-" if (g := one.gain_over.get(name)) is None else f"{g[1]} of {g[2]}, {100.0 * g[0]:+.0f} %"
                   for name in TO_BEAT]
@@ -134,16 +122,10 @@ def _show_together(options: Options, rows: Sequence[SimulatedRow]) -> None:
 
 def show_mismatch(options: Options, rows: Sequence[MismatchRow]) -> None:
     """A line for each case, a column for each controller: the largest RMSE over the references, or lost."""
-    from rich import box
-    from rich.table import Table
-
     names = list(dict.fromkeys(row.controller for row in rows))
     what = ", ".join(dict.fromkeys(f"{row.reference} {speed_text(row)}".removesuffix(" -") for row in rows))
-    table = Table(title=f"Plants unlike what controllers assume, SIMULATED: largest RMSE m over {what}; lost: "
-                  "further than 2 m away", title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("case", no_wrap=True)
-    for name in names:
-        table.add_column(one_line(name), justify="right")
+    table = rich_table(f"Plants unlike what controllers assume, SIMULATED: largest RMSE m over {what}; lost: "
+                       "further than 2 m away", ("case",), map(one_line, names))
     for case in dict.fromkeys(row.case for row in rows):
         cells = []
         for name in names:

@@ -51,19 +51,30 @@ def sessions_text(sessions: int | None) -> str:
     return "?" if sessions is None else str(sessions)
 
 
+def rich_table(title: str, left: Iterable[str] = (), right: Iterable[str] = (), wrapped: Iterable[str] = ()) -> Table:
+    """An empty table: headings of columns to the left, of numbers to the right, and of columns that may wrap."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for head in left:
+        table.add_column(head, no_wrap=True)
+    for head in right:
+        table.add_column(head, justify="right")
+    for head in wrapped:
+        table.add_column(head)
+    return table
+
+
 def score_table(title: str, heads: Sequence[str], columns: Sequence[tuple[str, str, float, int]],
                 lines: Sequence[tuple[Sequence[str], Mapping[str, Summary | MeanStd]]]) -> Table:
     """A table with ``heads`` and one column per (metric, heading, factor, digits); ``lines`` are (heads, metrics).
 
     The first metric also gets a column with its interval.
     """
-    from rich import box
     from rich.markup import escape
-    from rich.table import Table
 
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for head in heads:
-        table.add_column(head, no_wrap=True)
+    table = rich_table(title, heads)
     for i, (_, heading, _, digits) in enumerate(columns):
         # on a narrow screen a score breaks after its mean, never inside a number
         widest = max([len(word) for word in heading.split()] + [digits + 4])
@@ -81,11 +92,6 @@ def show_ratios(options: Options, rows: Sequence[tuple[str, Ratios | None]],
                 columns: Sequence[tuple[str, str, float, int]], key: str = "") -> None:
     """A table of ratios, with the name of their row, by (metric, heading, ...); key: which of several horizons. Nothing
     where no row has one."""
-    from rich import box
-    from rich.table import Table
-
-    from .options import one_line
-
     def cell(found: Ratios, metric: str) -> str:
         ratio, ends = found.ratio.get(metric), found.ci95.get(metric)
         return ratio_text(ratio[key], (ends or {})[key]) if ratio and key else ratio_text(ratio, ends)
@@ -96,11 +102,8 @@ def show_ratios(options: Options, rows: Sequence[tuple[str, Ratios | None]],
         return
     title = ("Error over that of another row, the same flights and windows drawn for both: ratio (95 %). An interval "
              "that holds 1 shows no difference.")
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for head in ("row", "over"):
-        table.add_column(head, no_wrap=True)
-    for _, heading, _, _ in shown:
-        table.add_column(heading.removesuffix(" mm").removesuffix(" m"), justify="right")
+    table = rich_table(title, ("row", "over"),
+                       [heading.removesuffix(" mm").removesuffix(" m") for _, heading, _, _ in shown])
     for name, found in compared:
         table.add_row(one_line(name), one_line(found.to), *(cell(found, metric) for metric, *_ in shown))
     options.detail(table)

@@ -90,8 +90,9 @@ class Effect:
 
     @classmethod
     def concealed(cls, model: Model, p: Parameters, mean_V: float) -> Model:
-        """What more must be taken from an uninformed simulator: the term where that is to be ``absent``. mean_V:
-        battery voltage in the air over all flights."""
+        """An uninformed simulator without what it must not have: a term that is to be ``absent``.
+
+        mean_V: battery voltage in the air over all flights."""
         return model.without(cls.name) if p.get("absent") else model
 
     @classmethod
