@@ -1,6 +1,6 @@
 """Cold read and audit of all recordings: seconds, which part takes them, and a plain reader of the same files.
 
-python benchmarks/speed/audit_speed.py [--data DIR...] [--most N] [--jobs 2] [--json FILE]
+python benchmarks/speed/audit_speed.py [--data DIR...] [--most N] [--jobs 2]
 
 Cold: nothing is taken from the cache of parsed recordings. The read and the audit of one recording are one item, as in
 a user's first ``nanobench audit``. Then come the audits alone, on one core, and the largest recording. The plain
@@ -9,7 +9,6 @@ reader (``read_speed.py``: csv module and ``float``) says how fast the machine i
 """
 
 import argparse
-import json
 import tempfile
 import time
 from pathlib import Path
@@ -41,7 +40,6 @@ def main() -> None:
     parser.add_argument("--data", nargs="*", type=Path)
     parser.add_argument("--most", type=int, help="audit that many recordings, spread over all; default: every one")
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--json")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         data = options.data or default_data()
@@ -72,16 +70,6 @@ def measure(data: list[Path], options: argparse.Namespace) -> None:
         with_csv_module(csvs)
         plain = (time.perf_counter() - start) / len(csvs)
         show("plain csv reading / reading and audit of one recording", plain / (reading + auditing).mean(), len(rows))
-    if options.json:
-        body = {
-            "recordings": len(rows),
-            "jobs": options.jobs,
-            "wall_s": wall,
-            "read_s": float(reading.sum()),
-            "audit_s": float(auditing.sum()),
-            "audit_median_s": float(np.median(auditing)),
-        }
-        Path(options.json).write_text(json.dumps(body, indent=1), encoding="utf-8")
 
 
 if __name__ == "__main__":

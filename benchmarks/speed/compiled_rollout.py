@@ -1,6 +1,6 @@
 """Our compiled rollouts against Numba over generated Python source and JAX, for a whole fit and a whole plant run.
 
-    python benchmarks/speed/compiled_rollout.py [--data DIR] [--sizes small full] [--repeats N] [--json FILE]
+    python benchmarks/speed/compiled_rollout.py [--data DIR] [--sizes small full] [--repeats N]
 
 The same functions three ways:
 
@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import argparse
 import functools
-import json
 import math
 import os
 import tempfile
@@ -288,7 +287,6 @@ def main() -> None:
     parser.add_argument("--data", type=Path, nargs="*")
     parser.add_argument("--sizes", nargs="+", choices=list(SIZES), default=list(SIZES))
     parser.add_argument("--repeats", type=int, default=5)
-    parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     names = [OURS, NUMBA]
     try:
@@ -331,9 +329,6 @@ def main() -> None:
         for way in names[1:]:
             show(f"{way} / ours, {name}", times[way] / times[OURS], options.repeats,
                  REQUIRED_RATIO if name.startswith("cold") else None)
-    worth = {name: min(s for way, s in times.items() if way != OURS) / times[OURS] for name, times in medians.items()}
-    if options.json:
-        options.json.write_text(json.dumps({"repeats": options.repeats, "seconds": taken, "worth": worth}, indent=1))
 
 
 if __name__ == "__main__":

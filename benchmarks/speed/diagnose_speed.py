@@ -1,6 +1,6 @@
 """How long a diagnosis takes, and that it grows with the number of flights in proportion: five, ten, twenty flights.
 
-    python benchmarks/speed/diagnose_speed.py [--flights 5 10 20] [--seconds 40] [--jobs 2] [--json FILE]
+    python benchmarks/speed/diagnose_speed.py [--flights 5 10 20] [--seconds 40] [--jobs 2]
 
 SYNTHETIC flights of one vehicle, 40 s each and different paths, by two onboard controllers, through the logging chain
 with a telemetry clock that wanders. The simulator is the vehicle's without its drag, so that something is named and
@@ -12,11 +12,9 @@ than 60 s.
 """
 
 import argparse
-import json
 import os
 import sys
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -81,7 +79,6 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--seconds", type=float, default=40.0)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--seed", type=int, default=5)
-    parser.add_argument("--json", type=Path)
     options = parser.parse_args(argv)
     every, simulator = flights_of(max(options.flights), options.seconds, options.seed)
     before = time.perf_counter()
@@ -97,12 +94,8 @@ def main(argv: list[str] | None = None) -> int:
               f"{row['diagnosis_s']:12.1f} {row['total_s']:8.1f} {row['total_s'] / many:9.2f} "
               f"{'-' if row['cpu_s'] is None else format(row['cpu_s'], '.1f'):>12}   {row['outcome']} "
               f"{', '.join(row['named'])}", flush=True)
-    body: dict[str, Any] = {"synthetic": True, "seconds": options.seconds, "jobs": options.jobs, "rows": rows}
     if len(rows) > 1:
-        body["exponent"] = growth(rows)
-        print(f"time grows with flights to the power {body['exponent']:.2f} (1 is linear)")
-    if options.json:
-        options.json.write_text(json.dumps(body, indent=1))
+        print(f"time grows with flights to the power {growth(rows):.2f} (1 is linear)")
     five = next((r for r in rows if r["flights"] == AIM_FLIGHTS), None)
     if five is None:
         return 0

@@ -1,6 +1,6 @@
 """Speed of a grey-box fit against the same fit with scipy and finite differences, in one run.
 
-    python benchmarks/speed/fit_speed.py [--data DIR] [--json FILE]
+    python benchmarks/speed/fit_speed.py [--data DIR]
 
 Both have the same training flights, windows, errors, robust cost, priors, bounds, scales and start. Both fit the full
 model of ``nanobench sysid`` without nuisances of the flights. Each searches until it has converged. The peer is
@@ -10,7 +10,6 @@ of ``sysid`` with random effects of every flight is timed separately. Without re
 """
 
 import argparse
-import json
 import os
 import tempfile
 import time
@@ -78,7 +77,6 @@ def peer(problem: Problem, scale: np.ndarray, fly) -> tuple[float, int, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--data", type=Path, nargs="*")
-    parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     places = args.data or default_data()
     with tempfile.TemporaryDirectory() as folder:
@@ -111,9 +109,6 @@ def main() -> None:
               f"ratio {seconds / ours:.1f}")
         show(f"scipy least_squares, {name} / ours", seconds / ours, len(problem.data),
              REQUIRED_RATIO if fly is numpy_rollout else None)
-    if args.json:
-        args.json.write_text(json.dumps({"whole_s": whole_s, "ours_s": ours, "steps": found.steps, "peers": [
-            {"name": n, "s": s, "ratio": s / ours, "cost": c} for n, _, s, _, c in rows]}))
 
 
 if __name__ == "__main__":

@@ -1,13 +1,12 @@
 """ATE and RTE of one 42 s flight against evo on the same arrays: the ratio of times, and that the numbers agree.
 
-    python benchmarks/speed/metrics_speed.py [--data PATH] [--json FILE]
+    python benchmarks/speed/metrics_speed.py [--data PATH]
 
 evo gets its fastest way: consecutive pairs 1 m apart, translation only. Ours takes a start every 10 rows, in the
 start's frame, about ten times as many pairs. Best of several repeats, one thread.
 """
 
 import argparse
-import json
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -77,7 +76,6 @@ def best_time(function: Callable, arrays: Arrays, repeats: int) -> float:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, action="append")
-    parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     arrays, what = flight_arrays(options.data or default_data())
     ate_m, _ = ours(arrays)
@@ -86,15 +84,10 @@ def main() -> int:
     errors = trajectory.relative_errors(arrays[3], arrays[4], arrays[1], arrays[2], starts, ends)[0]
     difference = max(abs(ate_m - evo_ate_m), float(np.max(np.abs(errors - evo_errors))))
     mine, evo = best_time(ours, arrays, 50), best_time(theirs, arrays, 5)
-    result = {"data": what, "evo": evo_version, "nanobench_ms": 1e3 * mine, "evo_ms": 1e3 * evo, "ratio": evo / mine,
-              "required_ratio": REQUIRED_RATIO, "largest_difference_m": difference,
-              "pairs": len(trajectory.pairs_by_path(arrays[1])[0]), "evo_pairs": len(pairs)}
     print(f"{what}\nATE and RTE: nanobench {1e3 * mine:.2f} ms, evo {evo_version.lstrip('v')} {1e3 * evo:.1f} ms, "
           f"ratio {evo / mine:.0f} (required {REQUIRED_RATIO:.0f}); largest difference on the same pairs "
           f"{difference:.1e} m")
     show("evo / nanobench, ATE and RTE", evo / mine, 5, REQUIRED_RATIO)
-    if options.json:
-        options.json.write_text(json.dumps(result, indent=1) + "\n")
     return 0 if evo / mine >= REQUIRED_RATIO and difference < 1e-9 else 1
 
 

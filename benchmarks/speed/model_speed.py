@@ -1,6 +1,6 @@
 """Prediction windows of a model: compiled code against plain NumPy and CasADi's own map, in one run.
 
-    python benchmarks/speed/model_speed.py [--windows N] [--json FILE]
+    python benchmarks/speed/model_speed.py [--windows N]
 
 Windows of 50 rows at 100 Hz with half a second of inputs before them, one thread, best of several repeats. Counted is
 the whole call: shifting and turning the inputs, warming up the rotors, 50 steps of Runge-Kutta 4, all states. CasADi
@@ -9,12 +9,10 @@ prepared arrays. The Jacobian of a step is by state and parameters together, aga
 """
 
 import argparse
-import json
 import os
 import tempfile
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
@@ -112,7 +110,6 @@ def jacobians(model: Model, states: np.ndarray, inputs: np.ndarray, few: int) ->
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--windows", type=int, default=4000)
-    parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as empty:  # so that the time of compiling is not that of finding
         os.environ["NANOBENCH_CACHE"] = empty
@@ -131,9 +128,6 @@ def main() -> int:
         show(f"{name}: CasADi map / ours", casadi_ratio, options.windows)
         show(f"{name}: Jacobian by CasADi map / ours",
              found["jacobian_compiled_per_s"] / found["jacobian_casadi_per_s"], options.windows)
-    if options.json:
-        options.json.write_text(json.dumps({"required_steps_per_s": REQUIRED_STEPS_PER_S, "models": results}, indent=1)
-                                + "\n")
     first = results["thrust, lag, drag, torque"]
     fast = first["compiled_steps_per_s"] >= REQUIRED_STEPS_PER_S
     return 0 if fast and all(r["largest_difference"] < EQUAL_WITHIN for r in results.values()) else 1

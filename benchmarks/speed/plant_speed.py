@@ -1,6 +1,6 @@
 """How many times faster than real time closed loops run on the plant, in one process on one core.
 
-    python benchmarks/speed/plant_speed.py [--vehicles 512] [--seconds 1] [--json FILE]
+    python benchmarks/speed/plant_speed.py [--vehicles 512] [--seconds 1]
 
 SYNTHETIC: vehicles that hover. Counted is processor time of whole flights (``plants.closed_loop.fly``): sensing,
 controller with guard, motors, battery, physics at 500 Hz, records; not compilation. ``late``: the estimate is the
@@ -11,10 +11,8 @@ NumPy behind the same controller.
 """
 
 import argparse
-import json
 import os
 import time
-from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
@@ -97,7 +95,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--vehicles", type=int, default=512)
     parser.add_argument("--seconds", type=float, default=1.0)
-    parser.add_argument("--json", type=Path)
     given = parser.parse_args()
     n, ticks = given.vehicles, max(1, round(given.seconds / TICK_S))
     kinds = {"compiled chain, late": chain, "late": lambda n, k: whole(n, k, "late"),
@@ -113,8 +110,6 @@ def main() -> None:
     show("practice plant / compiled chain", ratio, n)
     show("practice plant / whole flight with the firmware's filter",
          found["onboard"] / found["practice plant (NumPy)"], n)
-    if given.json:
-        given.json.write_text(json.dumps({"real_time": found, "ratio": ratio, "vehicles": n}, indent=1))
 
 
 if __name__ == "__main__":

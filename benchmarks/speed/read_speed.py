@@ -1,6 +1,6 @@
 """How fast all recordings are read: cold, from the cache, and by a plain reader of the same files in the same run.
 
-    python benchmarks/speed/read_speed.py [--data DIR] [--jobs 2] [--repeat 3] [--json FILE]
+    python benchmarks/speed/read_speed.py [--data DIR] [--jobs 2] [--repeat 3]
 
 The plain reader unpacks every CSV and turns it into one array with ``numpy.loadtxt``, which supports no units, sheets
 or broken files. A second one uses the csv module and ``float``. Cold means an empty cache folder; the operating system
@@ -92,7 +92,6 @@ def main() -> None:
     parser.add_argument("--data", action="append", type=Path, help="recordings (default: where nanobench looks)")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--repeat", type=int, default=3)
-    parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     places = options.data or default_data()
     if not places:
@@ -101,8 +100,6 @@ def main() -> None:
     print(json.dumps(result, indent=1))
     for name, ratio in result["ratio"].items():
         show(name, ratio, result["recordings"])
-    if options.json:
-        options.json.write_text(json.dumps(result, indent=1) + "\n")
 
 
 if __name__ == "__main__":
