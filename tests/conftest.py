@@ -10,6 +10,7 @@ import os
 import pickle
 import signal
 import sys
+from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
@@ -194,9 +195,11 @@ def compiled_once(tmp_path_factory):
 
 
 def pytest_terminal_summary(terminalreporter) -> None:
-    """Says at the end, and not only in a skip count, what was not checked: slow proofs, real recordings."""
-    skipped = terminalreporter.stats.get("skipped", [])
-    if slow := sum(LEFT_OUT in str(report.longrepr) for report in skipped):
+    """Says at the end, and not only in a skip count, what was not checked and why."""
+    why = Counter(report.longrepr[2].removeprefix("Skipped: ") for report in terminalreporter.stats.get("skipped", []))
+    if slow := why.pop(LEFT_OUT, 0):
         terminalreporter.write_line(f"{slow} SLOW PROOFS LEFT OUT: make test-slow runs them")
+    for reason, count in why.items():
+        terminalreporter.write_line(f"{count} NOT RUN: {reason}")
     if _real_root() is None:
         terminalreporter.write_line("REAL RECORDINGS ABSENT: every test marked 'real' was skipped; set NANOBENCH_DATA")

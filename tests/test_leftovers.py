@@ -51,7 +51,7 @@ def test_orphan():
 """
 
 
-@pytest.mark.skipif(not leftovers.PROC.is_dir(), reason="needs /proc")
+@pytest.mark.skipif(not leftovers.PROC.is_dir(), reason="NO /proc: processes cannot be listed")
 @pytest.mark.parametrize("processes", ["0", "1"])
 def test_who_leaves_something_behind_is_named(tmp_path, processes):
     (tmp_path / "conftest.py").write_text(CONFTEST)

@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-pytest.importorskip("casadi")
-
 import nanobench_tools as nb
 from identification.greybox import ablation_study
 from nanobench_tools.cli.main import main
@@ -81,7 +79,6 @@ def test_the_vehicle_predicts_a_flight_by_itself(fitted, flights):
 
 @pytest.mark.slow
 def test_pictures_are_not_empty(fitted, flights):
-    pytest.importorskip("plotly")
     assert len(fitted.plot().data) == len(fitted.result.parameters)
     assert len(fitted.predict(flights[0], by="vehicle").plot().data) == 2
 

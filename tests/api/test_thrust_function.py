@@ -51,7 +51,6 @@ def test_levels_and_table_have_units_and_say_what_was_measured(found):
 
 @pytest.mark.slow
 def test_it_draws_its_curves(found):
-    pytest.importorskip("plotly")
     assert len(found.plot().data) >= 5
 
 

@@ -102,8 +102,9 @@ def test_options_work_from_python(recordings, tmp_path):
 
 @pytest.mark.slow
 def test_a_cluster_gives_the_same_audit(nanobench, recordings, tmp_path):
-    distributed = pytest.importorskip("distributed")
-    dask = pytest.importorskip("dask")
+    import dask
+    import distributed
+
     nanobench("audit", "--data", recordings, "--json", tmp_path / "here.json", "--out", tmp_path / "h", "--jobs", 1)
     with dask.config.set({"temporary-directory": str(tmp_path)}), distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=":0", silence_logs=50,

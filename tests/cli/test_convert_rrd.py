@@ -1,6 +1,5 @@
 """``nanobench convert --to rrd``: what the file holds, read back by Rerun's own reader."""
 
-import importlib
 import sys
 from dataclasses import replace
 
@@ -16,8 +15,6 @@ from nanobench_tools.frames import gravity_up
 from nanobench_tools.sources.discover import load_recordings
 from nanobench_tools.steps.export import export
 
-NEEDS_RERUN = pytest.mark.skipif(importlib.util.find_spec("rerun") is None,
-                                 reason='RERUN ABSENT: pip install -e ".[viewer]" to read what is written')
 HIDDEN = slice(800, 1000)
 """Rows that the cameras do not see: 8 to 10 s."""
 
@@ -101,7 +98,6 @@ def cut(flight, name):
     return [f for f in audit(flight).faults if f.kind in cutting() and f.stream in (name, "")]
 
 
-@NEEDS_RERUN
 @pytest.mark.slow
 def test_the_path_is_the_positions_and_breaks_where_no_sample_is(flight, tmp_path):
     read = written(flight, tmp_path)
@@ -123,7 +119,6 @@ def test_the_path_is_the_positions_and_breaks_where_no_sample_is(flight, tmp_pat
     assert angle.max() < 1e-6
 
 
-@NEEDS_RERUN
 def test_the_vehicle_vanishes_while_nothing_is_known_of_it(flight, tmp_path):
     time_s, points = written(flight, tmp_path).rows("/world/mocap", "Points3D:positions")
     assert [len(p) for p in points] == [1, 0, 1, 0]
@@ -132,7 +127,6 @@ def test_the_vehicle_vanishes_while_nothing_is_known_of_it(flight, tmp_path):
     assert [len(a) for a in arrows] == [3, 0, 3, 0]
 
 
-@NEEDS_RERUN
 def test_a_series_is_the_numbers_of_the_stream_and_breaks_where_there_are_none(flight, tmp_path):
     read = written(flight, tmp_path)
     time_s, values = read.rows("/imu/gyro", "Scalars:scalars")
@@ -150,7 +144,6 @@ def test_a_series_is_the_numbers_of_the_stream_and_breaks_where_there_are_none(f
     assert read.one("/motor_command", "SeriesLines:names")[3] == "m4 [share of full]"
 
 
-@NEEDS_RERUN
 def test_bars_stand_on_zero_and_reach_up_to_the_command(flight, tmp_path):
     read = written(flight, tmp_path)
     time_s, centres = read.rows("/bars/command", "Boxes2D:centers")
@@ -163,7 +156,6 @@ def test_bars_stand_on_zero_and_reach_up_to_the_command(flight, tmp_path):
     assert np.abs(centres[:, :, 1] + halves[:, :, 1]).max() == 0.0
 
 
-@NEEDS_RERUN
 def test_marks_stand_where_the_audit_says(flight, tmp_path):
     broken = flight["estimator"].values.copy()
     broken[1200:, :] = broken[1199] + np.arange(1.0, len(broken) - 1199)[:, None] * [0.01, 0.0, 0.0]
@@ -185,7 +177,6 @@ def test_marks_stand_where_the_audit_says(flight, tmp_path):
     assert max(np.array(s)[:, 0].max() for s in read.one("/world/paths/onboard_estimate", "LineStrips3D:strips")) < 1.1
 
 
-@NEEDS_RERUN
 def test_usable_is_one_inside_the_audits_spans_and_zero_outside(flight, tmp_path):
     from nanobench_tools.auditing.audit_verdict import verdict_of
 
@@ -200,13 +191,11 @@ def test_usable_is_one_inside_the_audits_spans_and_zero_outside(flight, tmp_path
     assert 0 < inside.sum() < len(at)
 
 
-@NEEDS_RERUN
 def test_set_points_are_drawn_in_the_air_only(flight, tmp_path):
     strips = written(flight, tmp_path).one("/world/paths/set_point", "LineStrips3D:strips")
     assert min(np.linalg.norm(np.array(s)[:, :2], axis=1).min() for s in strips) > 0.9  # a zero would be at the origin
 
 
-@NEEDS_RERUN
 def test_rows_between_packets_are_not_drawn(flight, tmp_path):
     t = flight["imu"].time_s
     values = flight["imu"].values.copy()
@@ -224,7 +213,6 @@ def test_rows_between_packets_are_not_drawn(flight, tmp_path):
     assert any(text.startswith("imu: ") and "between packets" in text for text in said)
 
 
-@NEEDS_RERUN
 @pytest.mark.parametrize(("missing", "gone"), [
     ("mocap", {"/world/mocap", "/world/paths/mocap"}), ("imu", {"/imu/gyro", "/imu/accelerometer"}),
     ("estimator", {"/world/onboard_estimate"}), ("motor", {"/bars/command", "/motor_command"}),
@@ -237,7 +225,6 @@ def test_what_is_missing_is_not_there_and_the_rest_is(flight, tmp_path, missing,
     assert {entity for entity in everything if not read.has(entity)} == gone
 
 
-@NEEDS_RERUN
 def test_values_that_are_no_numbers_are_no_places(flight, tmp_path):
     values = flight["mocap"].values.copy()
     values[300:310] = np.nan
@@ -248,7 +235,6 @@ def test_values_that_are_no_numbers_are_no_places(flight, tmp_path):
     assert len(read.one("/world/paths/mocap", "LineStrips3D:strips")) == 4
 
 
-@NEEDS_RERUN
 def test_names_and_properties_of_any_characters(flight, tmp_path):
     name = "Flug #7: ä\ud800 [a] 'b'"
     odd = replace(flight, name=name, metadata={"family": "o\udcff/'\"", "note": ["x", 1]},
@@ -263,7 +249,6 @@ def test_names_and_properties_of_any_characters(flight, tmp_path):
     assert len(read.blueprints) == 1
 
 
-@NEEDS_RERUN
 def test_an_existing_file_is_replaced_whole_and_a_folder_is_said(flight, tmp_path):
     (tmp_path / "circle.rrd").write_bytes(b"older")
     assert written(flight, tmp_path).has("/world/mocap")
@@ -273,7 +258,6 @@ def test_an_existing_file_is_replaced_whole_and_a_folder_is_said(flight, tmp_pat
         export(flight, tmp_path / "other", "rrd")
 
 
-@NEEDS_RERUN
 def test_the_verb_writes_one_file_a_recording(nanobench, flight, tmp_path):
     for name in ("one", "other"):
         export(replace(flight.during(Span(0.0, 12.0 + len(name))), name=name), tmp_path / "csv", "nanobench")
@@ -285,7 +269,6 @@ def test_the_verb_writes_one_file_a_recording(nanobench, flight, tmp_path):
     assert len(set(ids.values())) == 2  # the viewer shows them beside each other
 
 
-@NEEDS_RERUN
 @pytest.mark.real
 @pytest.mark.slow
 def test_a_real_flight_keeps_every_pose(real_data, tmp_path):

@@ -105,7 +105,6 @@ def test_paths_by_themselves_are_the_same_as_data(nanobench, recordings, tmp_pat
 
 
 def test_a_scheduler_nobody_answers_is_one_line(nanobench, recordings):
-    pytest.importorskip("distributed")
     code, _, err = nanobench("audit", "--data", recordings, "--scheduler", "tcp://127.0.0.1:9", "--quiet", "--out",
                              recordings / ".." / "nowhere")
     assert code == 2

@@ -17,7 +17,7 @@ REPORTS = next((p / "data/reports" for p in (Path(__file__).parents[2] / "../sha
 @pytest.fixture
 def reports():
     if REPORTS is None or not REPORTS.is_dir():
-        pytest.skip("../shared/data/reports is not there")
+        pytest.skip("REPORTED TABLES ABSENT: no folder data/reports beside the recordings")
     return REPORTS
 
 

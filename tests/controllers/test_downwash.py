@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-pytest.importorskip("casadi")
-
 from controllers.plants.downwash import AIR_KG_M3, SharedAir, downwash_m_s, downwash_N
 from controllers.plants.served_vehicle import served
 

@@ -1,16 +1,14 @@
 """How sure the fixed-lag smoother is: its linearisation against finite differences, and errors against what it says."""
 
+import gtsam
 import numpy as np
 import pytest
 
+from estimators.gtsam.factor_graph import params_of
+from estimators.gtsam.fixed_lag import GtsamFixedLag
+from estimators.gtsam.lag_covariance import Carried
+from estimators.imu_noise import ImuNoise
 from nanobench_tools import so3
-
-gtsam = pytest.importorskip("gtsam", reason='GTSAM ABSENT: pip install -e ".[smoothers]"')
-
-from estimators.gtsam.factor_graph import params_of  # noqa: E402
-from estimators.gtsam.fixed_lag import GtsamFixedLag  # noqa: E402
-from estimators.gtsam.lag_covariance import Carried  # noqa: E402
-from estimators.imu_noise import ImuNoise  # noqa: E402
 
 SIZES = {"x": 6, "v": 3, "b": 6, "c": 8}
 RATE = np.array([0.3, -0.2, 0.4])

@@ -3,25 +3,23 @@
 import sys
 from dataclasses import replace
 
+import gtsam
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from estimators.gtsam.aided_batch import GtsamAided, drag, lift
+from estimators.gtsam.batch import GtsamBatch, Poses
+from estimators.gtsam.covariance import covariance_of
+from estimators.gtsam.factor_graph import LIFT_SD_M_S2, Problem
+from estimators.gtsam.fixed_lag import GtsamFixedLag
+from estimators.gtsam.smoother_rows import WARMS_M_S3, rows_of, stands
+from estimators.gtsam.state_path import Path, State, steps_of
+from estimators.imu_noise import ImuNoise
 from nanobench_tools.errors import InputError, MissingExtraError
 from nanobench_tools.flight import Flight, Provenance, make_stream
 from nanobench_tools.metrics.consistency import normalised_squared
 from nanobench_tools.protocols import aided, blackout
-
-gtsam = pytest.importorskip("gtsam", reason='GTSAM ABSENT: pip install -e ".[smoothers]"')
-
-from estimators.gtsam.aided_batch import GtsamAided, drag, lift  # noqa: E402
-from estimators.gtsam.batch import GtsamBatch, Poses  # noqa: E402
-from estimators.gtsam.covariance import covariance_of  # noqa: E402
-from estimators.gtsam.factor_graph import LIFT_SD_M_S2, Problem  # noqa: E402
-from estimators.gtsam.fixed_lag import GtsamFixedLag  # noqa: E402
-from estimators.gtsam.smoother_rows import WARMS_M_S3, rows_of, stands  # noqa: E402
-from estimators.gtsam.state_path import Path, State, steps_of  # noqa: E402
-from estimators.imu_noise import ImuNoise  # noqa: E402
 
 POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
 IMU = ("acc_x", "acc_y", "acc_z", "gyro_x", "gyro_y", "gyro_z")

@@ -2,7 +2,6 @@
 
 import os
 import signal
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -10,8 +9,6 @@ from harness_work import fail, scores
 
 from nanobench_tools import UsageError
 from nanobench_tools.harness import make_item, run_items
-
-pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="distributed is not installed")
 
 
 @pytest.fixture(scope="module")

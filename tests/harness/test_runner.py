@@ -158,7 +158,7 @@ def living(group: int) -> list[str]:
     return [f[0] for f in fields if int(f[2]) == group and f[0] not in "ZX"]
 
 
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="NO /proc: processes cannot be listed")
 @pytest.mark.slow
 def test_workers_end_when_only_the_first_process_is_killed(tmp_path):
     store = tmp_path / "store"

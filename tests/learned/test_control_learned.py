@@ -7,8 +7,6 @@ import json
 
 import pytest
 
-pytest.importorskip("jax", reason='JAX ABSENT: pip install -e ".[learned]"')
-
 from controllers.learned import pilots, policies, rollouts
 from controllers.learned.mppi import MppiSettings
 from identification.learned.training import Settings

@@ -5,8 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-pytest.importorskip("jax", reason='JAX ABSENT: pip install -e ".[learned]"')
-
 from controllers.learned import policies
 from controllers.learned.costs import LOST, Costs
 from controllers.learned.demonstrations import Demonstration, demonstrations, shown

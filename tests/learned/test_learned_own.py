@@ -6,8 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-pytest.importorskip("jax", reason='JAX ABSENT: pip install -e ".[learned]"')
-
 from identification.learned.bound import flexible_bound
 from identification.learned.correction import corrected, modules, wanted
 from identification.learned.features import POSITIONS, position_matrices, seen

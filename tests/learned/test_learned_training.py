@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-pytest.importorskip("jax", reason='JAX ABSENT: pip install -e ".[learned]"')
-
 from identification.learned import bar, checkpoints, learned_study
 from identification.learned.bar import Left, bars
 from identification.learned.learned_study import Wanted, family_parts, trained_rows

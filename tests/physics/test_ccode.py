@@ -29,7 +29,7 @@ def call(library, name, *given, size):
     return out
 
 
-@pytest.mark.skipif(COMPILER is None, reason="no C compiler")
+@pytest.mark.skipif(COMPILER is None, reason="NO C COMPILER: generated code is not run")
 @pytest.mark.parametrize("name", ["all", "all on rpm"])
 def test_c_is_equal_to_numpy(name, tmp_path):
     model = models()[name]
@@ -49,7 +49,7 @@ def test_c_is_equal_to_numpy(name, tmp_path):
         assert words in text
 
 
-@pytest.mark.skipif(COMPILER is None, reason="no C compiler")
+@pytest.mark.skipif(COMPILER is None, reason="NO C COMPILER: generated code is not run")
 def test_header_can_be_included(tmp_path):
     write_c(models()["all"], tmp_path, "plant")
     (tmp_path / "main.c").write_text('#include "plant.h"\nint main(void) { return plant_parameters[0] > 1.0; }\n')

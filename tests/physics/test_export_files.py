@@ -1,6 +1,5 @@
 """What is written for crazyflow, gym-pybullet-drones, C and CasADi, against equations written down once more here."""
 
-import importlib.util
 import json
 import os
 import runpy
@@ -60,8 +59,6 @@ def _matrix(quaternion):
     return Rotation.from_quat(quaternion).as_matrix()
 
 
-@pytest.mark.skipif(importlib.util.find_spec("drone_models") is None,
-                    reason="DRONE-MODELS ABSENT: pip install drone-models to evaluate its own equations")
 @pytest.mark.parametrize("change", [{}, {"com_offset": {"r_m": (0.001, -0.002, 0.0)}}])
 @pytest.mark.slow
 def test_drone_models_itself(change, tmp_path):

@@ -4,7 +4,6 @@ Tolerances: RotorPy integrates to 1e-12; our Runge-Kutta 4 is what differs, so i
 half the step, down to 1e-9 in every state of half a second of tumbling. What is equal at one point is tested there.
 """
 
-import importlib.util
 import json
 import runpy
 import sys
@@ -18,9 +17,6 @@ from nanobench_tools.physics import Model, Vehicle, numeric
 from nanobench_tools.physics.adapters.rotorpy import RotorPySimulator
 from nanobench_tools.physics.export import Assumed, export_model
 from nanobench_tools.physics.export.rotorpy_params import quad_params
-
-pytestmark = pytest.mark.skipif(importlib.util.find_spec("rotorpy") is None,
-                                reason='ROTORPY ABSENT: pip install -e ".[rotorpy]" to fly what is exported')
 
 BOTH = {"yaw_torque": {"k_m": 0.006}, "inertia": {"inertia_kg_m2": (1.9e-5, 1.7e-5, 3.2e-5)}, "mass": {"m": 0.0413},
         "com_offset": {"r_m": (0.001, -0.002, 0.003)}, "motor_imbalance": {"g": (1.04, 0.97, 1.01, 0.98)},

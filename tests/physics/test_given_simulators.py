@@ -1,6 +1,5 @@
 """Callables of users and adapters along measured states: what they are given, what comes back, and their mistakes."""
 
-import importlib.util
 
 import numpy as np
 import pytest
@@ -97,11 +96,7 @@ def test_an_acceleration_of_the_world_is_turned_into_the_body(mistakes):
     np.testing.assert_allclose(so3.rotate(at.quaternion, force), np.tile([0.0, 0.0, 9.81], (6, 1)), atol=1e-12)
 
 
-ADAPTERS = [pytest.param("rotorpy", marks=pytest.mark.skipif(
-    importlib.util.find_spec("rotorpy") is None, reason="ROTORPY ABSENT: pip install rotorpy")),
-            pytest.param("crazyflow", marks=pytest.mark.skipif(
-                not any(map(importlib.util.find_spec, ("crazyflow", "drone_models"))),
-                reason="CRAZYFLOW AND DRONE-MODELS ABSENT: pip install drone-models"))]
+ADAPTERS = ("rotorpy", "crazyflow")
 
 
 @pytest.mark.parametrize("name", ADAPTERS)

@@ -1,6 +1,5 @@
 """The linear vehicle against transfer functions worked out by hand, and against the nonlinear one."""
 
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -8,8 +7,6 @@ import pytest
 from nanobench_tools.physics import Model, Vehicle, numeric
 from nanobench_tools.physics.hover import hover, row_of, state_of
 from nanobench_tools.physics.linear import linear_names, linearize, matrices
-
-pytestmark = pytest.mark.skipif(find_spec("control") is None, reason="control is not installed")
 
 J, K_M, TAU_S = (1.6e-5, 1.8e-5, 3e-5), 0.0065, 0.05
 MODEL = Model(Vehicle(mass_kg=0.04, inertia_kg_m2=J, input="thrust"), {

@@ -5,9 +5,6 @@ Flights are on the simulated vehicle's own clock, through cflib, at 1 m/s (SYNTH
 
 import numpy as np
 import pytest
-
-pytest.importorskip("cflib")
-
 from faulty_world import ROOM
 from toy_vehicle import Notes, Toy
 

@@ -155,7 +155,6 @@ def test_the_state_of_another_plan_is_refused_and_a_missing_recording_named(plan
 
 
 def test_two_programs_do_not_fly_one_campaign(plan, tmp_path):
-    pytest.importorskip("fcntl")
     check_folder(tmp_path)
     with opened(tmp_path, plan, print), pytest.raises(InputError, match="another program"), \
             opened(tmp_path, plan, print):

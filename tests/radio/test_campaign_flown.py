@@ -4,10 +4,6 @@ import dataclasses
 import json
 
 import pytest
-
-pytest.importorskip("cflib")
-pytest.importorskip("casadi")
-
 from test_campaign import PLAN, written
 
 from controllers.plants.served_vehicle import served

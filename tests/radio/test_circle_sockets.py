@@ -7,9 +7,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("cflib")
-pytest.importorskip("casadi")
-
 from controllers.plants.served_vehicle import served
 from nanobench_tools.cli.main import main
 from nanobench_tools.radio.fly.stop_socket import path_of

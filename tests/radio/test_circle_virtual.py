@@ -14,9 +14,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("cflib")
-pytest.importorskip("casadi")
-
 from controllers.plants.served_vehicle import served
 from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.cli.fly_controllers import pilot_for

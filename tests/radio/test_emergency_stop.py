@@ -78,7 +78,8 @@ def test_one_ctrl_c_and_a_termination_leave_the_landing_to_the_vehicle():
 
 
 def test_the_space_bar_stops_the_motors():
-    openpty = pytest.importorskip("pty").openpty
+    from pty import openpty
+
     toy = Toy()
     flown, _ = flight(toy)
     ours, terminal = openpty()
@@ -173,7 +174,6 @@ def test_looking_for_a_flight_stops_none_and_removes_only_what_a_killed_one_left
 
 
 def test_a_stop_that_nothing_answers_is_an_error(capsys, monkeypatch):
-    pytest.importorskip("cflib")
     monkeypatch.setattr("nanobench_tools.radio.fly.companion.STOP_S", 0.2)
     assert main(["stop", "udp://127.0.0.1:9"]) == 2
     assert "nothing answered" in capsys.readouterr().err

@@ -5,10 +5,6 @@ import signal
 
 import numpy as np
 import pytest
-
-pytest.importorskip("cflib")
-pytest.importorskip("casadi")
-
 from cflib_world import until
 from fleet_plans import TWO
 from fleet_worlds import Watched

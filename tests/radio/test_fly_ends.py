@@ -146,7 +146,7 @@ Flight(toy, toy.track, Hangs({what}), toy.ready(), WIDE, toy, ()).run()
 """
 
 
-@pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="the system has no such priorities")
+@pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="NO REAL-TIME PRIORITIES on this system")
 def test_no_thread_of_a_flight_stays_behind_while_others_come_before_other_processes(monkeypatch):
     """One that holds the interpreter and has to wait for another process would keep the loop waiting, too."""
     quick(monkeypatch)
@@ -272,7 +272,6 @@ def ping():
 
 
 def test_a_driver_that_fails_keeps_no_sender_and_no_end_waiting(monkeypatch):
-    pytest.importorskip("cflib")
     from cflib.crazyflie import State
 
     from nanobench_tools.radio import crazyflie
@@ -289,7 +288,6 @@ def test_a_driver_that_fails_keeps_no_sender_and_no_end_waiting(monkeypatch):
 
 
 def test_an_end_in_the_middle_of_sending_leaves_the_way_free_for_others():
-    pytest.importorskip("cflib")
     from nanobench_tools.radio.crazyflie import crazyflie
 
     def interrupted(packet) -> None:

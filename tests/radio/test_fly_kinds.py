@@ -5,8 +5,6 @@ import struct
 import numpy as np
 import pytest
 
-pytest.importorskip("cflib")
-
 from controllers.plants.served_vehicle import served
 from nanobench_tools.cli.fly_controllers import pilot_for
 from nanobench_tools.radio.crtp import Packet

@@ -36,7 +36,6 @@ class Catcher:
 
 
 def test_setpoints_are_byte_for_byte_those_of_cflib():
-    pytest.importorskip("cflib")
     from cflib.crazyflie.commander import Commander
     from cflib.utils.encoding import compress_quaternion
 

@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-pytest.importorskip("casadi")
-
 from nanobench_tools import so3
 from nanobench_tools.firmware.onboard import STEPS, PidCascade, estimates
 from nanobench_tools.firmware.records import SETPOINT, VELOCITY

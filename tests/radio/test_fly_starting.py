@@ -2,9 +2,6 @@
 
 import numpy as np
 import pytest
-
-pytest.importorskip("cflib")
-
 from still_vehicle import StillVehicle
 from toy_vehicle import LEVEL, Toy
 

@@ -17,7 +17,7 @@ from nanobench_tools.radio.fly.flight_loop import Beat, ahead_of_others, undistu
 from nanobench_tools.radio.fly.pose_tracker import Believed
 from nanobench_tools.radio.fly.watch import Watch
 
-linux = pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="the system has no such priorities")
+linux = pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="NO REAL-TIME PRIORITIES on this system")
 
 
 @linux

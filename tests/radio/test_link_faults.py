@@ -6,9 +6,6 @@ On the simulated vehicle's own clock, through cflib.
 from __future__ import annotations
 
 import pytest
-
-pytest.importorskip("cflib")
-
 from faulty_world import FaultyWorld, every, kind
 from toy_vehicle import Notes
 

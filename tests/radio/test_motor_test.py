@@ -4,9 +4,6 @@ import json
 
 import numpy as np
 import pytest
-
-pytest.importorskip("cflib")
-
 from still_vehicle import StillVehicle
 
 from nanobench_tools.errors import InputError

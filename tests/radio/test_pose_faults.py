@@ -5,22 +5,18 @@ On the simulated vehicle's own clock, through cflib, at 1 m/s (SYNTHETIC).
 
 import numpy as np
 import pytest
-
-from nanobench_tools.radio.fly.pose_gate import PoseGate
-from nanobench_tools.radio.fly.pose_physics import IMU, PosePhysics
-from nanobench_tools.radio.fly.pose_tracker import Believed
-from nanobench_tools.radio.mocap.pose_datagram import Pose, pack, unpack
-
-pytest.importorskip("cflib")
-
 from faulty_world import ROOM
 
 from controllers.plants.served_vehicle import served
 from nanobench_tools.cli.fly_controllers import pilot_for
 from nanobench_tools.radio.fly.flight_plan import chosen_path
+from nanobench_tools.radio.fly.pose_gate import PoseGate
+from nanobench_tools.radio.fly.pose_physics import IMU, PosePhysics
+from nanobench_tools.radio.fly.pose_tracker import Believed
 from nanobench_tools.radio.fly.safety import Limits
 from nanobench_tools.radio.fly.session import Request, fly_session
 from nanobench_tools.radio.fly.virtual import VirtualWorld
+from nanobench_tools.radio.mocap.pose_datagram import Pose, pack, unpack
 from nanobench_tools.radio.simulated.channel import RadioOptions
 
 LEVEL = np.array([0.0, 0.0, 0.0, 1.0])

@@ -5,17 +5,9 @@ import threading
 import time
 from contextlib import suppress
 
+import cflib.crtp
 import numpy as np
 import pytest
-from still_vehicle import StillVehicle
-
-from nanobench_tools.radio.mocap.pose_datagram import unpack
-from nanobench_tools.radio.simulated.channel import RadioOptions
-from nanobench_tools.radio.simulated.server import SimulatedCrazyflie
-
-pytest.importorskip("cflib", reason='CFLIB ABSENT: pip install -e ".[radio]" to run these tests')
-
-import cflib.crtp
 from cflib.crazyflie import Crazyflie
 from cflib.crazyflie.commander import Commander
 from cflib.crazyflie.log import LogConfig
@@ -26,8 +18,12 @@ from cflib.positioning import motion_commander
 from cflib.positioning.motion_commander import MotionCommander
 from cflib.utils.encoding import compress_quaternion
 from cflib_world import ANSWER_S, WorldTime, linked_to, until
+from still_vehicle import StillVehicle
 
+from nanobench_tools.radio.mocap.pose_datagram import unpack
+from nanobench_tools.radio.simulated.channel import RadioOptions
 from nanobench_tools.radio.simulated.quaternion32 import compress
+from nanobench_tools.radio.simulated.server import SimulatedCrazyflie
 
 pytestmark = pytest.mark.usefixtures("cflib_drivers")
 

@@ -7,14 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from still_vehicle import StillVehicle
-
-from nanobench_tools.radio.simulated.onboard_services import Build
-from nanobench_tools.radio.simulated.server import SimulatedCrazyflie
-from nanobench_tools.radio.simulated.supervisor import State
-
-pytest.importorskip("cflib", reason='CFLIB ABSENT: pip install -e ".[radio]" to run these tests')
-
 from cflib.crazyflie.log import LogConfig
 from cflib.crazyflie.mem import MemoryElement, Poly4D
 from cflib.crazyflie.swarm import CachedCfFactory, Swarm
@@ -25,6 +17,11 @@ from cflib.positioning.position_hl_commander import PositionHlCommander
 from cflib.utils import reset_estimator
 from cflib.utils.param_file_helper import ParamFileHelper
 from cflib_world import WorldTime, linked_to, until
+from still_vehicle import StillVehicle
+
+from nanobench_tools.radio.simulated.onboard_services import Build
+from nanobench_tools.radio.simulated.server import SimulatedCrazyflie
+from nanobench_tools.radio.simulated.supervisor import State
 
 GAIN = "pid_rate.roll_kp"
 pytestmark = pytest.mark.usefixtures("cflib_drivers")

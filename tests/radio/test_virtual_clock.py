@@ -7,9 +7,6 @@ from types import SimpleNamespace
 
 import pytest
 
-pytest.importorskip("cflib")
-pytest.importorskip("casadi")
-
 from controllers.plants.served_vehicle import served
 from nanobench_tools.radio.fly import virtual
 from nanobench_tools.radio.fly.virtual import VirtualWorld

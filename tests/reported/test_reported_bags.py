@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-pytest.importorskip("rosbags", reason="extra rosbag is not installed")
-
 from nanobench_tools.sources import load_recordings
 
 

@@ -48,7 +48,6 @@ def test_states_of_the_filter_are_an_estimate(reported):
 
 @pytest.mark.real
 def test_the_group_that_drives_motors_is_read(reported):
-    pytest.importorskip("pyulog", reason="extra ulog is not installed")
     folder = reported / "ulog_idle_output_group"
     motor, bench = the_flight(folder / "flight.ulg")["motor"], the_flight(folder / "on_the_bench.ulg")
     flown = (motor.time_s > 1.5) & (motor.time_s < 4.5)

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
-
-pytest.importorskip("rosbags", reason="extra rosbag is not installed")
-
 from bag_samples import bag, inertial, motion, noisy, odometry, poses
+from scipy.spatial.transform import Rotation
 
 from nanobench_tools.auditing.recording_audit import audit
 from nanobench_tools.sources import load_recordings

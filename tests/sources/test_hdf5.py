@@ -5,14 +5,13 @@ from __future__ import annotations
 import io
 import sys
 
+import h5py
 import numpy as np
 import pytest
 from test_draft_axes import G, flown
 
 from nanobench_tools.errors import how_to_install
 from nanobench_tools.sources import load_recordings
-
-h5py = pytest.importorskip("h5py", reason="extra hdf5 is not installed")
 
 EPOCH_S = 1.6e9
 RPM = 14648.0

@@ -8,9 +8,6 @@ import sys
 
 import numpy as np
 import pytest
-
-pytest.importorskip("rosbags", reason="extra rosbag is not installed")
-
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2

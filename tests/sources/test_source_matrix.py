@@ -37,7 +37,8 @@ def file_of(source, folder):
             "tum": FOREIGN["TUM of rpg"].data, "neurobem": table(neurobem()), "neural_fly": neural_fly(),
             "blackbox": blackbox(), "ardupilot": b"".join(ardupilot(poses=False))}.get(source)
     if data is None:
-        hdf5 = pytest.importorskip("test_hdf5")
+        import test_hdf5 as hdf5
+
         data = hdf5.file(**getattr(hdf5, source)())
     (folder / "a").write_bytes(data)
     return folder / "a"

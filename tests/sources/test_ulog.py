@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 from ulog_samples import MAGIC, times, ulog, yaw_right_of_north
 
-pytest.importorskip("pyulog", reason="extra ulog is not installed")
-
 from nanobench_tools import so3
 from nanobench_tools.errors import how_to_install
 from nanobench_tools.sources import load_recordings

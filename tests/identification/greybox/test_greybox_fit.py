@@ -4,9 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-pytest.importorskip("casadi")
-
 from made_windows import TERMS, made_windows, true_model
 
 from identification.greybox import flyability
@@ -95,7 +92,6 @@ def test_priors_of_ones_own_replace_those_of_the_same_parameters():
 
 
 def test_result_draws_itself(fitted):
-    pytest.importorskip("plotly")
     assert len(fitted.result_.plot().data) > 5
 
 

@@ -4,9 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-pytest.importorskip("casadi")
-
 from made_windows import TERMS, made_windows, true_model
 
 from identification.greybox.nuisance import SCALE, TRIMS

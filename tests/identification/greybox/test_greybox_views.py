@@ -7,9 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-pytest.importorskip("casadi")
-
 from made_windows import TERMS, made_windows, true_model
 
 from identification.greybox.balance_features import BEFORE, balance, newest

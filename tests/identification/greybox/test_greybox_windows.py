@@ -62,7 +62,6 @@ def test_class_state_is_not_given_the_past():
 
 @pytest.mark.parametrize("adapt", ["inputs", "past"])
 def test_a_prediction_does_not_depend_on_the_other_windows_and_not_on_the_future(adapt):
-    pytest.importorskip("casadi")
     from made_windows import TERMS
 
     from identification.greybox.fit import nuisances_of

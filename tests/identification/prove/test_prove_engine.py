@@ -141,7 +141,6 @@ def test_flights_that_rotorpy_leaves_out_are_in_no_effect():
 def test_rotorpy_flies_what_the_simulator_says():
     """A tenth of a second with the inputs of every 2 ms: far below the 0.15 rad/s that noise leaves in a recording. The
     rest is RotorPy's lag of the speed, not of the thrust."""
-    pytest.importorskip("rotorpy", reason="the extra rotorpy is not installed")
     from identification.prove.engine_rotorpy import RotorPyEngine, on_rotorpy
 
     specs = [on_rotorpy(spec_of(names, draw_airframe(np.random.default_rng(2)))) for names in ((), ("wind",))]

@@ -53,7 +53,6 @@ def test_no_thrust_below_zero():
 
 @pytest.mark.parametrize("name", MAPS)
 def test_casadi_twin(name):
-    pytest.importorskip("casadi")
     fit = some_fit(name)
     function = casadi_function(fit)
     rng = np.random.default_rng(3)

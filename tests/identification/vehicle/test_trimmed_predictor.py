@@ -5,8 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-pytest.importorskip("casadi")
-
 from identification.vehicle.trimmed_predictor import TrimmedPredictor
 from nanobench_tools import so3
 from nanobench_tools.methods import Past, Windows
