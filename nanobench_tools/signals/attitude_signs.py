@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .. import so3
+from ..settings import number
 from .axis_unit_matching import FACTOR, FACTOR_WITHIN
 from .context import Context
 from .dropouts import alive_until
@@ -17,6 +18,10 @@ from .quaternions import UNIT_WITHIN, quaternion_orders
 from .stream_frames import EULER, IMU, stream_turns
 from .usable_rows import advancing, even_grid, usable_streams
 
+UNRELATED = number("audit.attitude_signs.unrelated")
+OF_ONE_CLOCK = number("audit.attitude_signs.of_one_clock")
+CLOSELY = number("audit.attitude_signs.closely")
+TURNS_RAD_S = number("audit.attitude_signs.turns_rad_s")
 AGAINST = 0.7
 """Least size of a correlation that shows a sign."""
 SLOWLY, ALL_DELAYS = 0.5, 0.3
@@ -53,6 +58,20 @@ def contradicted_angles(context: Context) -> list[tuple[str, str, float]]:
     turning = np.zeros(3) if own is None or own.order != (0, 1, 2) else np.diag(own.follows)
     return [(m.angle, m.gyro, float(min(m.follows.min(), turning[EULER.index(m.angle)])))
             for m in context.once(angle_matches) if m.against or turning[EULER.index(m.angle)] < -AGAINST]
+
+
+def unrelated_turning(context: Context) -> list[tuple[str, str, float]]:
+    """(angle, column of the gyro, correlation) of every axis about which the two turn otherwise, though the gyro turns.
+
+    Clocks that wander make all axes follow less; one that follows closely shows that the clocks agree."""
+    own, matches = context.once(own_turning), context.once(angle_matches)
+    if own is None or own.order != (0, 1, 2):
+        return []
+    follows = {m.angle: max(float(np.abs(m.follows).max()), float(abs(own.follows[k, k])))
+               for m in matches for k in [EULER.index(m.angle)]}
+    least = OF_ONE_CLOCK if max(follows.values(), default=0.0) > CLOSELY else UNRELATED
+    return [(m.angle, m.gyro, follows[m.angle]) for m in matches
+            if follows[m.angle] < least and own.turns[EULER.index(m.angle)] > TURNS_RAD_S]
 
 
 def angle_matches(context: Context) -> list[AngleMatch]:

@@ -8,7 +8,7 @@ import numpy as np
 from ..settings import number
 from .axis_unit_matching import FACTOR, FACTOR_WITHIN, ORDERS
 from .context import Context
-from .estimated_turning import follows_estimate
+from .estimated_turning import follows_estimate, known_gyro
 from .known_factors import NamedFactor, named_factor
 from .pairs import gyro_pair, sums_of
 from .stream_frames import stream_turns
@@ -19,10 +19,13 @@ CLEARLY = number("audit.own_turning.clearly")
 
 @dataclass(frozen=True)
 class OwnTurning:
-    """follows (3, 3): correlation of each axis of the gyro with each of the attitude; ratio (3, 3): of their sizes."""
+    """follows (3, 3): correlation of each axis of the gyro with each of the attitude; ratio (3, 3): of their sizes.
+
+    turns (3,): scatter of each axis of the gyro, rad/s."""
 
     follows: np.ndarray
     ratio: np.ndarray
+    turns: np.ndarray
 
     @property
     def order(self) -> tuple[int, ...]:
@@ -49,5 +52,5 @@ def own_turning(context: Context) -> OwnTurning | None:
     """None where motion capture judges the gyro, in other axes as a whole, and without both streams."""
     if sums_of(context, gyro_pair) is not None or any(turn.stream == "imu" for turn in context.once(stream_turns)):
         return None
-    found = context.once(follows_estimate)
-    return None if found is None else OwnTurning(*found)
+    found, gyro = context.once(follows_estimate), context.once(known_gyro)
+    return None if found is None or gyro is None else OwnTurning(*found, gyro[1].std(axis=0))

@@ -47,3 +47,14 @@ def test_a_table_with_motors_that_do_not_begin_with_the_first_is_audited():
     t = np.arange(0.0, 3.0, 0.01)
     motors = make_stream("motor", t, np.full((len(t), 2), 0.5), ("m2", "m3"))
     assert audit(Flight("made", {"motor": motors}, {}, Provenance("made", "", "test"))).faults is not None
+
+
+@pytest.mark.parametrize(("angle", "gyro"), [(a, g) for a in ("roll", "pitch") for g in GYRO])
+def test_an_angle_and_a_rate_that_changed_places(own, angle, gyro):
+    attitude, imu = own["attitude"], own["imu"]
+    rate = np.interp(attitude.time_s, imu.time_s, imu[gyro])
+    turned = np.interp(imu.time_s, attitude.time_s, attitude[angle])
+    angles, rates = attitude.values.copy(), imu.values.copy()
+    angles[:, attitude.index(angle)], rates[:, imu.index(gyro)] = rate, turned
+    bad = own.with_streams(attitude=replace(attitude, values=angles), imu=replace(imu, values=rates))
+    assert {f.kind for f in audit(bad).faults} & {"axis_swap", "unit", "frame", "sign"}

@@ -65,3 +65,24 @@ def test_velocities_of_a_slow_tracker_are_compared_with_its_path(poses, rate_hz,
     slow = (t[rows], *(c[rows] for c in columns))
     found = told(slow, lambda turn, v: factor * v)
     assert [(f.kind, f.columns) for f in found] == ([] if factor == 1.0 else [("unit", VELOCITY)])
+
+
+@pytest.mark.parametrize("place", ["mocap", "estimator"])
+@pytest.mark.parametrize(("one", "other"), [(i, j) for j in range(3, 6) for i in range(j)])
+def test_columns_of_position_and_velocity_that_changed_places_are_found(poses, place, one, other):
+    """On a circle with a slow rise each velocity has the shape of another axis of the path."""
+    t = poses[0] - poses[0][0]
+    path = np.stack([np.cos(0.7 * t), np.sin(0.7 * t), 1.0 + 0.2 * np.sin(t)], axis=1)
+    path += 3e-4 * np.random.default_rng(2).standard_normal(path.shape)
+    speed = np.stack([-0.7 * np.sin(0.7 * t), 0.7 * np.cos(0.7 * t), 0.2 * np.cos(t)], axis=1)
+    values = np.hstack([path, speed])
+    names = ("px", "py", "pz", *VELOCITY) if place == "mocap" else ("x", "y", "z", *VELOCITY)
+
+    def found(values):
+        faults = audit(Flight("made", {place: make_stream(place, t, values, names)}, {},
+                              Provenance("made", "", "test"))).faults
+        return [f.kind for f in faults if f.kind in ("frame", "sign", "axis_swap", "unit", "constant_offset")]
+
+    assert found(values) == []
+    values[:, [one, other]] = values[:, [other, one]]
+    assert found(values)

@@ -5,7 +5,8 @@ Another order of axes must raise their sum by 0.5. Every axis that moved must co
 partner and with one sign over the seconds of the flight. Gravity that lies along x or y gives the accelerometer's
 away. A path whose mirror image follows the tilt gives away that of the tracked x and y. So does another axis than z
 that rises in flight, of a vehicle that tilts as one with z up. The turning that four motors cause gives away motors in
-another order, and a gyro that no attitude judges. Axes that turned as a whole are ``frame``.
+another order, and a gyro that no attitude judges. A velocity that is not the rate of its position is of
+another column, as is a gyro that turns otherwise than the attitude. Axes that turned as a whole are ``frame``.
 
 Size: nan. Smallest found: axes that both move enough for a correlation of 0.4.
 """
@@ -13,16 +14,19 @@ Size: nan. Smallest found: axes that both move enough for a correlation of 0.4.
 import math
 
 from ...flight import Fault, Flight
+from ...signals.attitude_signs import unrelated_turning
 from ...signals.context import Context
 from ...signals.held_poses import POSITION
 from ...signals.motor_turning import MOTORS, judged_gyro, other_order
 from ...signals.own_reference import contradictions
 from ...signals.own_turning import own_turning
+from ...signals.path_velocity import unrelated_velocities
 from ...signals.stream_frames import unexplained, unexplained_gravity
 from ...signals.tilt_heading import mirrored, other_height
-from ...signals.unit_sign_errors import ACC
+from ...signals.unit_sign_errors import ACC, wrong_units
 from .kind import FaultKind
 from .making import over_stream
+from .sign import wrong_signs
 
 KIND = "axis_swap"
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
@@ -47,6 +51,11 @@ def wrong_axes(context: Context) -> list[tuple[str, tuple[str, ...], str]]:
         seen = ", ".join(f"{GYRO[i]} turns as {'xyz'[own.order[i]]} of the estimated attitude "
                          f"({own.follows[i, own.order[i]]:+.2f})" for i in places)
         found.append(("imu", tuple(GYRO[i] for i in places), seen))
+    found += [("imu", (gyro,), f"{gyro} turns otherwise than {angle} ({follows:+.2f}); one of them is another column")
+              for angle, gyro, follows in context.once(unrelated_turning)]
+    found += [wrong for wrong in context.once(unrelated_velocities) if wrong[0] not in {s for s, *_ in found} | {
+        s for s, q, _ in context.once(wrong_signs) if "q" not in q} | {w.stream for w in context.once(wrong_units)} | {
+        c.stream for c in context.once(contradictions)}]
     found += _by_motors(context)
     mirror = context.once(mirrored)
     if mirror is not None and mirror.swapped and not any(stream == "mocap" for stream, *_ in found):
