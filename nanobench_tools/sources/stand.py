@@ -29,6 +29,9 @@ from .units_as_written import unit_as_written
 _HEADER = re.compile(r"\s*([A-Za-z][\w. ]*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
 _UNIT_BEHIND = re.compile(r"(.+)_(percent|pct|us|g|gf|grams|kgf|kg|n|lbf|v|mv|a|ma)")
 
+_ONE_OF_TWO = re.compile(r"(?i)powertrain 1\s*-?\s*")
+"""Before the names of the first of the motors that a stand of Tyto can have."""
+_PER_CENT = re.compile(rb"(?<=\d) ?%(?=\"?\s*[,;\t\r\n])")
 _NUMBERED = re.compile(r"([a-z]+)_?(?:m|motor)?_?(\d)")
 _PULSED = ("us", "%")
 _FORCES = {"g": "gram_force", "kg": "kgf"}
@@ -92,7 +95,7 @@ def _names() -> dict[str, tuple[Known, ...]]:
 def heading(column: str) -> Heading | None:
     """``rpm3`` -> speed of motor 3, ``weight[g]`` -> thrust, ``ESC signal (us)`` -> the command of one motor; None for
     a column of another meaning."""
-    match = _HEADER.fullmatch(column)
+    match = _HEADER.fullmatch(_ONE_OF_TWO.sub("", column))
     if match is None:
         return None
     name, unit = match[1].lower().replace(" ", "_"), (match[2] or "").strip()
@@ -137,6 +140,7 @@ class ThrustStand:
         return f"rows of thrust-stand tables are settled points without a time or a pose, and here is {listed(flown)}"
 
     def read(self, path: Path, data: bytes, sheet: Sheet | None = None) -> Flight:
+        data = _PER_CENT.sub(b"", data)  # 40% in a cell
         known = [h for h in map(heading, dict.fromkeys(header_of(data[: 1 << 16])[0])) if h]
         grid = read_grid(data, str(path), numeric={h.column for h in known})
         known = [_in_unit(h, grid.units.get(h.column, "")) for h in known]

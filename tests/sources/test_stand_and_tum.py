@@ -143,6 +143,22 @@ def test_headers_that_differ(tmp_path, header):
     assert flight["stand"].samples == 2
 
 
+@pytest.mark.parametrize(("names", "command"), [
+    ("Time (s),ESC throttle (µs),Thrust (lbf),Voltage (V),Optical Speed (RPM)", "{:.0f}"),
+    ("Time (s),Powertrain 1 - ESC throttle (μs),Powertrain 1 - thrust (lbf),Powertrain 1 - voltage (V),"
+     "Powertrain 1 - rotation speed (rpm)", "{:.0f}"),
+    ("Time (s),Throttle,Thrust (lbf),Voltage (V),RPM", "{}%")])
+def test_stands_of_one_motor_by_other_names(tmp_path, names, command):
+    shares = np.linspace(0.1, 1.0, 19)
+    rows = [f"{k},{command.format(round(100 * u) if '%' in command else 1000 + 1000 * u)},{u * u:.6f},16.0,"
+            f"{9000 * u:.0f}" for k, u in enumerate(shares)]
+    (tmp_path / "a.csv").write_text("\n".join([names, *rows]) + "\n")
+    flight = load(tmp_path).flights[0]
+    np.testing.assert_allclose(flight["motor"]["m1"], shares, atol=1e-3)
+    np.testing.assert_allclose(flight["stand"]["thrust"], shares**2 * 4.4482216, atol=1e-4)
+    np.testing.assert_allclose(flight["rpm"]["m1"], shares * 9000 * 2 * np.pi / 60, atol=0.1)
+
+
 def test_units_in_names_and_columns_of_other_meaning(tmp_path):
     (tmp_path / "a.csv").write_text(
         "thrust[N],pwm,vbat[mV],v[V],i[A],note\n0.4,30000,3900,3.8,1.5,\n0.5,31000,3800,3.7,oops,\n"
