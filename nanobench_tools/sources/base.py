@@ -5,7 +5,7 @@ A new format is one file with a class like this and one line under ``nanobench.s
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -39,6 +39,16 @@ class Source(Protocol):
     def recognises(self, path: Path, head: bytes) -> bool: ...
 
     def read(self, path: Path, data: bytes, sheet: Sheet | None = None) -> Flight: ...
+
+
+@runtime_checkable
+class SeveralVehicles(Source, Protocol):
+    """A format whose recordings may have several vehicles, each a flight. ``vehicles`` labels them, by one empty label
+    where there is one; ``of`` is the source of one of them."""
+
+    def vehicles(self, path: Path, parts: Sequence[bytes]) -> tuple[str, ...]: ...
+
+    def of(self, vehicle: str) -> Source: ...
 
 
 @runtime_checkable

@@ -19,7 +19,7 @@ from ..flight import Flight
 from ..lookup.registry import load_all
 from . import cache as store
 from .bag_messages import span_of
-from .base import SheetSource, Source, text_fault
+from .base import SeveralVehicles, SheetSource, Source, text_fault
 from .clock_jumps import on_one_clock
 from .companions import PICTURES, companion
 from .lost_poses import without_placeholders
@@ -210,7 +210,7 @@ def _gathered(found: Found, known: Mapping[str, Source]) -> tuple[
 
 def _vehicles(source: Source, paths: Sequence[Path]) -> tuple[str, ...]:
     """Labels of the vehicles in a recording; one empty label where there is one, or the files cannot be read."""
-    if not isinstance(source, RosBag):
+    if not isinstance(source, SeveralVehicles):
         return ("",)
     try:
         return source.vehicles(paths[0], [unpack(read_file(path), str(path)).data for path in paths])
@@ -301,7 +301,7 @@ def read(recording: Recording, cache: bool = True) -> Flight:
     source = sources(recording.columns)[recording.source]
     if recording.members and isinstance(source, FolderSource):
         return _read_members(recording, source, cache)
-    if recording.vehicle and isinstance(source, RosBag):
+    if recording.vehicle and isinstance(source, SeveralVehicles):
         source = source.of(recording.vehicle)
     stored = [read_file(part) for part in (path, *recording.further)]
     sha256 = digest(stored[0]) if len(stored) == 1 else digest("".join(map(digest, stored)).encode())

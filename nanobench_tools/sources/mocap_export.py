@@ -2,13 +2,14 @@
 
 Each begins with a preamble that names bodies, units, rate and kind of rotation. Empty cells and rows of zeros are an
 occlusion. Motive's y-up world is turned. Each program can be set to the other axis, which no line of the file states:
-the ground that a body rests on shows it. A file with several rigid bodies is refused with their names.
+the ground that a body rests on shows it. Each of several rigid bodies is a flight.
 """
 
 from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -61,7 +62,7 @@ class Export:
     attitude: tuple[int, ...]
     turn: str
     length: float
-    time: int
+    time: int | None
     rate_hz: float | None
     first: int
     frame: str = ""
@@ -71,26 +72,39 @@ class Export:
 
 
 class MocapExport:
-    """Source ``mocap_export``: one stream, ``mocap``."""
+    """Source ``mocap_export``: one stream, ``mocap``, of ``body``, which several bodies need."""
 
     name = "mocap_export"
-    version = 3
+
+    def __init__(self, body: str = "") -> None:
+        self.body = body
+        self.version = f"4-{body}"
 
     def recognises(self, path: Path, head: bytes) -> bool:
         return program_of(head) != ""
 
+    def vehicles(self, path: Path, parts: Sequence[bytes]) -> tuple[str, ...]:
+        """The bodies of an export of several."""
+        bodies = LAYOUTS[program_of(parts[0])](_rows(parts[0]), str(path), "").bodies
+        return bodies if len(bodies) > 1 else ("",)
+
+    def of(self, vehicle: str) -> MocapExport:
+        """The source of one body."""
+        return MocapExport(vehicle)
+
     def read(self, path: Path, data: bytes, sheet: Sheet | None = None) -> Flight:
         place = str(path)
         rows = _rows(data)
-        export = {"Motive": _motive, "Qualisys": _qualisys, "Vicon": _vicon}[program_of(data)](rows, place)
-        if len(export.bodies) != 1:
+        export = LAYOUTS[program_of(data)](rows, place, self.body)
+        if len(export.bodies) != 1 and not self.body:
             raise InputError(place, f"an export of {export.program} with {len(export.bodies)} rigid bodies "
                              f"({', '.join(export.bodies)})", "export one of them to a separate file")
         rows = rows[export.first:export.end]
         decimal = "," if any("," in cell for row in rows[:20] for cell in row) else "."
-        wanted = (export.time, *export.position, *export.attitude)
-        cells = np.array([[parse_number(row[k].strip(), decimal) if k < len(row) else np.nan for k in wanted]
-                          for row in rows if any(row)])
+        wanted = (*export.position, *export.attitude)
+        filled = [row for row in rows if any(row)]
+        cells = np.array([[float(n) if export.time is None else _number(row, export.time, decimal),
+                           *(_number(row, k, decimal) for k in wanted)] for n, row in enumerate(filled)])
         kept = np.isfinite(cells[:, 0]) if len(cells) else np.zeros(0, dtype=bool)
         if not kept.any():
             raise InputError(place, f"an export of {export.program} without a row of numbers", "export it again")
@@ -112,11 +126,15 @@ class MocapExport:
         if frame:
             made = in_our_axes(made, frame_of(frame))
         other = f"{'y' if frame else 'z'} is up, since the body goes below its place of rest along the other axis"
-        notes = (f"an export of {export.program}, body {export.bodies[0]}", *([export.note] if export.note else []),
-                 *([other] if frame != export.frame else []))
+        notes = (f"an export of {export.program}, body {self.body or export.bodies[0]}",
+                 *([export.note] if export.note else []), *([other] if frame != export.frame else []))
         return Flight(path.name, {"mocap": made}, {"family": None, "speed": None, "reference_speed_m_s": None},
                       Provenance(place, "", self.name, notes=notes, assumptions=_assumed(export)),
                       epoch_s=float(stamps[0]))
+
+
+def _number(row: list[str], column: int, decimal: str) -> float:
+    return parse_number(row[column].strip(), decimal) if column < len(row) else float("nan")
 
 
 def _assumed(export: Export) -> tuple[Assumption, ...]:
@@ -158,7 +176,7 @@ def _at(rows: list[list[str]], test: str, place: str, program: str) -> int:
     return found
 
 
-def _motive(rows: list[list[str]], place: str) -> Export:
+def _motive(rows: list[list[str]], place: str, body: str) -> Export:
     about = {k.strip(): v.strip() for k, v in zip(rows[0][::2], rows[0][1::2], strict=False)}
     names = _at(rows, "Frame", place, "Motive")
     above = [row + [""] * (len(rows[names]) - len(row)) for row in rows[1:names] if any(c.strip() for c in row)]
@@ -169,12 +187,12 @@ def _motive(rows: list[list[str]], place: str) -> Export:
         raise InputError(place, "a Motive export without the lines above its names (type, name, Rotation, Position)",
                          "export rigid bodies with the full header")
     at: dict[str, dict[str, dict[str, int]]] = {}
-    for k, (kind, body, group, axis) in enumerate(zip(kinds, bodies_row, groups, rows[names], strict=False)):
+    for k, (kind, name, group, axis) in enumerate(zip(kinds, bodies_row, groups, rows[names], strict=False)):
         if kind.strip() == "Rigid Body" and axis.strip() in ("X", "Y", "Z", "W"):
-            at.setdefault(body.strip(), {}).setdefault(group.strip(), {})[axis.strip()] = k
+            at.setdefault(name.strip(), {}).setdefault(group.strip(), {})[axis.strip()] = k
     if not at:
         raise InputError(place, "a Motive export without a rigid body", "export rigid bodies, not markers alone")
-    first = next(iter(at.values()))
+    first = at[body or next(iter(at))]
     if not {"X", "Y", "Z"} <= set(first.get("Position", {})):
         raise InputError(place, "a Motive export without the position of its body", "export positions, too")
     turn = first.get("Rotation", {})
@@ -189,7 +207,7 @@ def _motive(rows: list[list[str]], place: str) -> Export:
                   0 if seconds is None else seconds, rate, names + 1, Y_UP, note)
 
 
-def _qualisys(rows: list[list[str]], place: str) -> Export:
+def _qualisys(rows: list[list[str]], place: str, body: str) -> Export:
     about = {row[0].strip(): [c.strip() for c in row[1:]] for row in rows[:LINES_SEEN] if row}
     bodies = tuple(b for b in about.get("BODY_NAMES", []) if b)
     names = next((k for k, row in enumerate(rows[:LINES_SEEN])
@@ -197,14 +215,14 @@ def _qualisys(rows: list[list[str]], place: str) -> Export:
     if names is None:
         raise InputError(place, "a Qualisys export without a line of names (X Y Z Roll ...)", "export 6D data")
     header = [c.strip() for c in rows[names]]
+    starts = [k for k, c in enumerate(header) if c.split() and c.split()[-1] == "X"]
+    header = _of_body(header, dict(zip(starts, bodies, strict=False)), body)
     x = next(k for k, c in enumerate(header) if c.split() and c.split()[-1] == "X")
     axes = [c.split()[-1] if c else "" for c in header]
     matrix = tuple(k for k, c in enumerate(header) if c.startswith("Rot[") or "Rot[" in c)[:ROTATION_MATRIX]
     euler = tuple(sorted(axes.index(n) for n in EULER)) if set(EULER) <= set(axes) else ()
     seconds = header.index("Time") if "Time" in header else None
-    frame = header.index("Frame") if "Frame" in header else 0
-    if seconds is None and "Frame" not in header:
-        raise InputError(place, "a Qualisys export without time and frame columns", "export them, too")
+    frame = header.index("Frame") if "Frame" in header else None
     if axes[x:x + 3] != ["X", "Y", "Z"]:
         raise InputError(place, f"a Qualisys export whose positions are {', '.join(axes[x:x + 3])}",
                          "export X, Y and Z")
@@ -215,12 +233,12 @@ def _qualisys(rows: list[list[str]], place: str) -> Export:
             f"the angles {', '.join(angles)} are not read: their axes are a setting; export the rotation matrix"
             if angles and not turn else "")
     return Export("Qualisys", bodies or ("body",), (x, x + 1, x + 2), attitude, turn, factor("mm"),
-                  frame if seconds is None else seconds,
+                  frame if seconds is None else seconds,  # without both, the rows are counted
                   None if seconds is not None else _rate(about.get("FREQUENCY", [""])[0], place), names + 1, "", note,
                   order="".join("XYZ"[EULER.index(axes[k])] for k in euler))
 
 
-def _vicon(rows: list[list[str]], place: str) -> Export:
+def _vicon(rows: list[list[str]], place: str, body: str) -> Export:
     titles = [k for k, row in enumerate(rows) if _lone(row) in VICON and k + 1 < len(rows) and
               parse_number((_lone(rows[k + 1]).split() or [""])[0]) > 0.0] or [0]
     ends = [*titles[1:], len(rows)]
@@ -237,8 +255,12 @@ def _vicon(rows: list[list[str]], place: str) -> Export:
     rate = _rate((_lone(rows[title + 1]).split() or [""])[0], place)
     header = [c.strip() for c in rows[names]]
     count = header.count("TX")
-    bodies = tuple(dict.fromkeys(VICON_KIND.sub("", c.strip()) for c in rows[names - 1] if c.strip()))
-    bodies = bodies if len(bodies) >= count else tuple(f"body {k + 1}" for k in range(count))
+    starts = {k: VICON_KIND.sub("", c.strip()) for k, c in enumerate(rows[names - 1]) if c.strip()}
+    bodies = tuple(dict.fromkeys(starts.values()))
+    if len(bodies) < count:
+        starts = {k: f"body {n + 1}" for n, k in enumerate(k for k, c in enumerate(header) if c == header[2])}
+        bodies = tuple(starts.values())
+    header = _of_body(header, starts, body)
     at = tuple(header.index(n) for n in ("TX", "TY", "TZ"))
     below = [c.strip() for c in rows[names + 1]] if names + 1 < len(rows) else []
     units = dict.fromkeys(below[k] if k < len(below) else "" for k in at)
@@ -250,6 +272,14 @@ def _vicon(rows: list[list[str]], place: str) -> Export:
     return Export("Vicon", bodies, at, tuple(header.index(n) for n in ("RX", "RY", "RZ", "RW")) if whole else (),
                   "quaternion" if whole else "", _length(next(iter(units)), place), header.index("Frame"), rate,
                   names + 2, "", "; ".join(notes), ends[titles.index(title)])
+
+
+def _of_body(header: list[str], starts: dict[int, str], body: str) -> list[str]:
+    """The names without those of other bodies. ``starts``: where the columns of a body begin, and its name."""
+    if not body:
+        return header
+    owner = [next((starts[s] for s in sorted(starts, reverse=True) if s <= k), "") for k in range(len(header))]
+    return [name if owner[k] in ("", body) else "" for k, name in enumerate(header)]
 
 
 def _lone(row: list[str]) -> str:
@@ -345,3 +375,5 @@ def _quaternion(cells: np.ndarray, export: Export) -> np.ndarray | None:
         found[there] = Rotation.from_euler(export.order, cells[there], degrees=True).as_quat()
     return found
 
+
+LAYOUTS = {"Motive": _motive, "Qualisys": _qualisys, "Vicon": _vicon}
