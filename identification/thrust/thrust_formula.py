@@ -9,8 +9,8 @@ from nanobench_tools.results.result import OPTIONAL, Result
 
 from .maps import MONOMIALS, Map
 
-MEANING = ("T: thrust of one motor [N]; u: command of a motor as a share of full (PWM / 65535, or pulses of 1000 to "
-           "2000 us); V: battery voltage under load [V]")
+MEANING = ("T: thrust of one motor [N]; u: command of a motor [0..1], PWM / 65535 or (pulse - 1000 us) / 1000 us; "
+           "V: battery voltage under load [V]")
 FULL_CELL_V, EMPTY_CELL_V = 4.2, 3.0
 """Voltage of a lithium cell after charging, and where it has to be spared."""
 MOST_CELL_V = 4.35

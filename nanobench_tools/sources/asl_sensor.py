@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 from decimal import Decimal, InvalidOperation
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -17,7 +18,7 @@ from ..units import SI_FACTOR, factor
 from .base import cell_faults, text_fault
 from .cells import Grid, LostRow, read_grid
 from .dialect import clean_name, normalise_text
-from .payload import HEAD_BYTES
+from .payload import HEAD_BYTES, read_file, unpack
 from .tum_layout import NORM_TOLERANCE
 from .units_as_written import unit_as_written
 
@@ -120,6 +121,17 @@ def columns_of(line: str) -> AslColumns | None:
     unit = names[0][1] or "ns"
     scale = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}.get(unit_as_written(unit) or "", 0)
     return AslColumns(raw[0], scale, vectors, tuple(lacking))
+
+
+def span_of(path: Path) -> tuple[AslColumns, int, int] | None:
+    """Columns of a table and its first and last timestamp, ns; None for any other file, and one without them."""
+    data = unpack(read_file(path), str(path)).data
+    columns = columns_of(header_line(data))
+    lines = [line for line in data.split(b"\n") if line.strip()]
+    if columns is None or len(lines) < 2:
+        return None
+    first, last = _stamps([lines[k].split(b",", 1)[0].strip() for k in (1, -1)], columns.unit_ns)
+    return None if NO_TIME in (first, last) else (columns, int(first), int(last))
 
 
 def _factor(written: str, si: str) -> float:

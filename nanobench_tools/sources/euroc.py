@@ -19,7 +19,7 @@ import numpy as np
 from .. import so3
 from ..errors import InputError
 from ..flight import Fault, Flight, Provenance, Stream, make_stream
-from .asl_sensor import SENSORS, AslRows, columns_of, header_line, read_rows, sensor_to_body
+from .asl_sensor import SENSORS, AslRows, columns_of, header_line, read_rows, sensor_to_body, span_of
 from .axes import Frame, in_our_axes, name_of
 from .members import Gathered, names_in
 from .payload import ZIP_MAGIC
@@ -77,7 +77,8 @@ class EurocAsl:
         return [name for name in names if _MEMBER.fullmatch(name) and not name.startswith("__MACOSX")]
 
     def gather(self, paths: Sequence[Path]) -> list[Gathered]:
-        """Tables of one mav0 are one recording; any other table, and an archive, is one alone."""
+        """Tables of one mav0 are one recording; any other table, and an archive, is one alone. So are a sensor and its
+        truth alone in a folder."""
         found: dict[Path, dict[str, Path]] = {}
         lone: list[Gathered] = []
         for path in paths:
@@ -85,6 +86,7 @@ class EurocAsl:
                 found.setdefault(path.parent.parent, {})[f"{path.parent.name}/{DATA}"] = path
             else:
                 lone.append(Gathered(path, path, {path.name: path}))
+        lone = _pairs(lone)
         for root, files in found.items():
             folders = {name.split("/")[0] for name in files}
             if len(files) > 1:
@@ -117,6 +119,19 @@ class EurocAsl:
         if not sensors:
             raise InputError(str(place), "no table of a sensor in it", "take another copy")
         return _flight(place, sensors, {k: t for k, t in sheets.items() if _CAMERA.fullmatch(k) and t is not None})
+
+
+def _pairs(lone: list[Gathered]) -> list[Gathered]:
+    """One recording in place of an inertial sensor and a truth that are alone in a folder, whose times overlap."""
+    found = []
+    for folder in dict.fromkeys(group.place.parent for group in lone):
+        here = [group for group in lone if group.place.parent == folder]
+        spans = [span for group in here if (span := span_of(group.place)) is not None] if len(here) == 2 else []
+        roles = {"position" in columns.vectors for columns, *_ in spans}
+        if len(spans) == 2 and roles == {True, False} and max(s[1] for s in spans) < min(s[2] for s in spans):
+            here = [Gathered(folder, folder, {name: path for group in here for name, path in group.files.items()})]
+        found += here
+    return found
 
 
 def _flight(place: Path, sensors: list[Sensor], cameras: Mapping[str, np.ndarray]) -> Flight:

@@ -220,3 +220,25 @@ def test_estimators_are_scored_where_no_estimate_was_logged(tmp_path):
     flight = one(write_folder(tmp_path, members()))
     assert nothing_logged([flight])
     assert not nothing_logged([flight.without_streams("imu")])
+
+
+@pytest.mark.parametrize("truth", ["state_groundtruth_estimate0", "vicon0", "leica0"])
+def test_a_sensor_and_its_truth_side_by_side_are_one_recording(tmp_path, truth):
+    files = members(truth)
+    whole = one(write_folder(tmp_path / "whole", {n: d for n, d in files.items() if n.endswith("data.csv")}))
+    (tmp_path / "flat").mkdir()
+    for name, path in (("imu0", "imu.csv"), (truth, "groundtruth.csv")):
+        (tmp_path / "flat" / path).write_bytes(files[f"{name}/data.csv"])
+    flight = one(tmp_path / "flat")
+    assert flight.name == "flat"
+    for name in ("imu", "mocap"):
+        np.testing.assert_array_equal(flight[name].values, whole[name].values)
+        np.testing.assert_array_equal(flight[name].time_s, whole[name].time_s)
+
+
+def test_a_sensor_and_the_truth_of_another_day_stay_two_recordings(tmp_path):
+    files = members()
+    later = files["imu0/data.csv"].replace(b"\n14", b"\n15")
+    (tmp_path / "imu.csv").write_bytes(later)
+    (tmp_path / "groundtruth.csv").write_bytes(files["state_groundtruth_estimate0/data.csv"])
+    assert len(load_recordings([tmp_path], cache=False).flights) == 2
