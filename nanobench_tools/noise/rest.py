@@ -1,4 +1,7 @@
-"""The sensor alone: Allan deviation of what was recorded while the motors stood still."""
+"""The sensor alone: overlapping Allan deviation of what was recorded while the motors stood still.
+
+W. J. Riley, "Handbook of Frequency Stability Analysis", NIST SP 1065 (2008), eq. 11, for rates (frequency data).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +10,21 @@ import numpy as np
 
 from ..flight import Flight, motors_of
 from ..settings import number, setting
-from .allan import overlapping_allan
+
+
+def overlapping_allan(values: np.ndarray, m: int) -> tuple[np.ndarray, int]:
+    """(variance (d,), terms): Allan variance of the columns of ``values`` (n, d) averaged over m samples, overlapping.
+
+    ``terms`` is how many differences it rests on (about terms / m of them independent); nan and 0 where n < 2 m.
+    """
+    values = np.asarray(values, float)
+    terms = len(values) - 2 * m + 1
+    if terms < 1 or m < 1:
+        return np.full(values.shape[1], np.nan), 0
+    total = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
+    second = total[2 * m :] - 2.0 * total[m:-m] + total[: -2 * m]
+    return np.sum(second**2, axis=0) / (2.0 * m * m * terms), terms
+
 
 ACC = ("acc_x", "acc_y", "acc_z")
 GYRO = ("gyro_x", "gyro_y", "gyro_z")

@@ -9,9 +9,8 @@ from estimators.imu_noise import ImuNoise, packet_rate_hz, read_imu_noise, recko
 from nanobench_tools.cli.main import main
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.flight import Flight, Provenance, Span, make_stream
-from nanobench_tools.noise.allan import overlapping_allan
 from nanobench_tools.noise.inflight import InFlight
-from nanobench_tools.noise.rest import at_rest
+from nanobench_tools.noise.rest import at_rest, overlapping_allan
 
 IMU = ("acc_x", "acc_y", "acc_z", "gyro_x", "gyro_y", "gyro_z")
 MOTORS = ("m1", "m2", "m3", "m4")

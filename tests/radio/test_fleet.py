@@ -13,8 +13,8 @@ from test_fly_ends import WIDE, Hangs, Real, quick
 from toy_vehicle import Notes, Toy
 
 from nanobench_tools.radio.fleet import fleet_session
+from nanobench_tools.radio.fleet.fleet_session import Member
 from nanobench_tools.radio.fleet.gathering import Gathering, OtherRefusedError
-from nanobench_tools.radio.fleet.member import Member
 from nanobench_tools.radio.fleet.separation import Separation
 from nanobench_tools.radio.fleet.traffic import Traffic
 from nanobench_tools.radio.fly.guardian import Guardian

@@ -10,7 +10,7 @@ from nanobench_tools.auditing.audit_verdict import verdict_of
 from nanobench_tools.auditing.recording_audit import Audit, audit
 from nanobench_tools.cli.fly_audit import load_line
 from nanobench_tools.flight import Fault, Flight, Provenance, make_stream
-from nanobench_tools.radio.flight_end import lost_link
+from nanobench_tools.radio.record_export import lost_link
 
 TIME_S = np.arange(0.0, 6.0, 0.01)
 LOST_S = 3.0

@@ -6,7 +6,7 @@ import numpy as np
 
 from nanobench_tools.radio.fly import setpoint_packets
 from nanobench_tools.radio.fly.flight_plan import Plan, chosen_path
-from nanobench_tools.radio.fly.latest_log import ESTIMATE, HEALTH
+from nanobench_tools.radio.fly.flight_state import ESTIMATE, HEALTH
 from nanobench_tools.radio.fly.pilot import PERIOD_S
 from nanobench_tools.radio.fly.pose_tracker import PoseTrack
 from nanobench_tools.radio.fly.prepare import Ready

@@ -1,9 +1,12 @@
-"""All cases: two simulators each, diagnosed on real flights; answers are kept, so that a killed run goes on."""
+"""All cases: two simulators each, diagnosed on real flights; answers are kept, so that a killed run goes on.
+
+Real flights of the vehicle of a case, and the nominal simulator that other flights of the vehicle give.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,18 +16,67 @@ from identification.mismatch.diagnosis import lift_ratio
 from identification.mismatch.wiring import Contradiction, against_flights, impossible
 from identification.mismatch.wrench import Wrench
 from identification.prove.corrupted.engines import Engine
-from identification.prove.corrupted.groups import Group
-from identification.prove.corrupted.kept_results import kept, key_of
+from identification.prove.corrupted.groups import TRACKS, Group, dealt, groups_of, looked_over
+from identification.prove.corrupted.kept_results import READING, code_hash, hashes, kept, key_of
 from identification.prove.corrupted.nominal import as_json, from_values
 from identification.prove.corrupted.sizes import AHEAD, errors, rise
+from identification.prove.corrupted.vehicles import VehicleSource, named, paths_of
+from identification.prove.hidden_speed import SPEED, simulator_item
 from identification.prove.summary import Share
 from nanobench_tools.errors import InputError, NanobenchError, UsageError
-from nanobench_tools.physics import Model
+from nanobench_tools.physics import Model, Vehicle
+from nanobench_tools.physics.simulator import loads
 from nanobench_tools.results.result import Result, to_json
+from nanobench_tools.sources.discover import load_recordings
+from nanobench_tools.version import __version__
 
 from .shipped_cases import GEOMETRY, NOT_ASKED, ShippedCase
-from .shipped_flights import group_of, source_of
 from .shipped_score import REFUSED, ShippedAnswer, ShippedErrors, ShippedScore, score_shipped
+
+COMMANDS = "brushed_commands"
+"""The brushed vehicle as a simulator of motor commands sees it. Rotor speeds make the nominal simulator and its lag.
+They are hidden in the flights that are diagnosed."""
+MOST_FLIGHTS = 4
+"""Of a vehicle: a diagnosis of more takes minutes."""
+OF_COMMANDS = ("identification/prove/hidden_speed.py", "identification/motors/*")
+
+
+def source_of(vehicle: str) -> VehicleSource:
+    """Where the recordings of a case are."""
+    if vehicle != COMMANDS:
+        source = named([vehicle])[0]
+        return replace(source, of_a_group=min(source.of_a_group, MOST_FLIGHTS))
+    brushed = named(["brushed"])[0]
+    return replace(brushed, name=COMMANDS, vehicle=Vehicle(mass_kg=brushed.vehicle.mass_kg))
+
+
+def group_of(vehicle: str, root: Path, say: Callable[[str], None] = lambda text: None) -> Group | None:
+    """The first group of a vehicle, as of ``prove --corrupted``; None where its recordings are absent."""
+    source = source_of(vehicle)
+    if vehicle == COMMANDS:
+        return _commanded(source, root, say)
+    found = groups_of(source, root, 1, say)
+    return found[0] if found else None
+
+
+def _commanded(source: VehicleSource, root: Path, say: Callable[[str], None]) -> Group | None:
+    hands = dealt(paths_of(source, root), source.groups + 1, [source.train, *([source.of_a_group] * source.groups)])
+    if not hands or len(hands[0]) < source.train:
+        return None
+    train, group = hands[:2]
+    say(f"{source.name}: nominal simulator from {len(train)} flights")
+    mark = key_of("nominal", source, hashes(train), __version__, code_hash(OF_COMMANDS))
+
+    def fitted() -> dict[str, Any]:
+        item = simulator_item(load_recordings(train).flights, source.vehicle.mass_kg, 0)
+        return as_json(loads(item["simulator"]))
+
+    nominal = from_values(kept(mark, dict[str, Any], fitted))
+    say(f"{source.name}: {len(group)} flights, rotor speed hidden")
+    flights = [flight.without_streams(SPEED) for flight in load_recordings(group).flights]
+    return Group(source.name, 0, looked_over(flights, source), nominal,
+                 key_of(as_json(nominal), hashes(group), code_hash((*READING, *TRACKS))))
+
 
 QUANTITIES = (("position", "m"), ("velocity", "m/s"), ("attitude", "rad"), ("rate", "rad/s"))
 ROW_S = 0.01

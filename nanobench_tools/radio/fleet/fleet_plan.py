@@ -7,11 +7,30 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import InputError
+from ...practice.curves import PathPoint
+from ...practice.references import PathSpec
 from ..fly.flight_plan import Plan
 from ..toml_tables import PATH_KEYS, TomlTable, read_plan
 from ..vehicle_link import check_uri
-from .placed_path import PlacedPath
 from .separation import Separation
+
+
+@dataclass(frozen=True)
+class PlacedPath(PathSpec):
+    """``centre_m``: where the origin of the path lies, x y z [m]."""
+
+    centre_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def altitude_m(self) -> float:
+        """Height to which the take-off goes."""
+        return super().altitude_m + self.centre_m[2]
+
+    def at(self, t: np.ndarray) -> PathPoint:
+        """t (n,) s from the start of the path."""
+        point = super().at(t)
+        return point._replace(position_m=point.position_m + np.array(self.centre_m))
+
 
 FEWEST, MOST = 2, 8
 MOST_DELAY_S = 20.0

@@ -6,16 +6,59 @@ from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass, replace
 
 from ...errors import InputError, NanobenchError
+from ..fly.company import GROUND_S
 from ..fly.interrupts import Interrupts
 from ..fly.keys import space_stops
+from ..fly.pilot import PERIOD_S
+from ..fly.pose_tracker import Believed
 from ..fly.prepare import Ready
-from ..fly.safety import Stop
+from ..fly.safety import Rule, Stop
 from ..fly.session import Request, Result, fly_session
+from ..host_clock import Clock
 from .fleet_plan import FleetVehicle
 from .gathering import Gathering, OtherRefusedError
-from .member import Member
 from .separation import Separation, check_plans
-from .traffic import Traffic
+from .traffic import Traffic, rules_of
+
+
+class Member:
+    """The ``company`` of a flight. ``interrupts``: of the flight, once it has begun; ``given_up``: why it was
+    abandoned. ``share``: of a tick by which its loop comes after that of the first vehicle, so that they take turns."""
+
+    single = False
+
+    def __init__(self, name: str, delay_s: float, traffic: Traffic, gathering: Gathering, share: float = 0.0) -> None:
+        self.name, self.delay_s = name, delay_s + share * PERIOD_S
+        self._traffic, self._gathering = traffic, gathering
+        self.rules: tuple[Rule, ...] = rules_of(traffic, name)
+        self.interrupts: Interrupts | None = None
+        self.given_up: Stop | None = None
+
+    def confirm(self, ready: Ready, clock: Clock) -> None:
+        """Before arming: waits for the others and the check of all plans."""
+        self._gathering.ready(self.name, ready, clock)
+
+    def ground_s(self, clock: Clock) -> float:
+        """Armed: waits for the others. Time until this vehicle takes off."""
+        return self._gathering.armed(self.name, clock, GROUND_S) + self.delay_s - clock.now()
+
+    def flies(self, interrupts: Interrupts) -> None:
+        """The flight begins."""
+        self.interrupts = interrupts
+
+    def seen(self, phase: str, believed: Believed | None) -> None:
+        """Every tick."""
+        self._traffic.seen(self.name, phase, believed)
+
+    def stopped(self, stop: Stop) -> None:
+        """The flight ends early: so do the others."""
+        self._traffic.end(self.name, stop)
+
+    def abandons(self, stop: Stop) -> bool:
+        """The program goes on for the others."""
+        self.given_up = stop
+        return True
+
 
 JOIN_S, REFUSED_S = 0.05, 10.0
 """Interval of a look at the threads; wait for threads that prepare a vehicle once the fleet is refused."""

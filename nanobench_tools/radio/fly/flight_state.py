@@ -1,4 +1,7 @@
-"""State of a flight: poses, log and link as one situation per tick, and its phases for those who listen."""
+"""State of a flight: poses, log and link as one situation per tick, and its phases for those who listen.
+
+Values of the log count with their age: a flight must not go by old ones.
+"""
 
 import numpy as np
 
@@ -12,7 +15,6 @@ from .flight_plan import Plan
 from .guardian import Guardian
 from .interrupts import Interrupts
 from .landing_profile import lasts_s
-from .latest_log import astray, health_age_s
 from .outcome import Listener, Outcome
 from .pilot import PERIOD_S
 from .pose_gate import PoseGate
@@ -20,6 +22,26 @@ from .pose_physics import PosePhysics
 from .pose_tracker import Believed, PoseTrack
 from .prepare import Ready
 from .safety import Limits, Situation
+
+HEALTH = ("pm.vbat", "supervisor.info")
+ESTIMATE = ("stateEstimate.x", "stateEstimate.y", "stateEstimate.z")
+FRESH_S = 0.2
+"""An older estimate, or pose, is not compared: the vehicle moves meanwhile."""
+
+
+def health_age_s(link: Link, host_s: float) -> float:
+    """Since battery or supervisor were last heard of, whichever is longer; inf if never."""
+    return host_s - min(link.logged_s.get(name, -np.inf) for name in HEALTH)
+
+
+def astray(link: Link, believed: Believed | None, host_s: float) -> np.ndarray:
+    """From where the poses are to where the vehicle believes to be (3,) m; nan if either is not fresh."""
+    if believed is None or host_s - believed.pose_s > FRESH_S:
+        return np.full(3, np.nan)
+    if not all(host_s - link.logged_s.get(name, -np.inf) < FRESH_S for name in ESTIMATE):
+        return np.full(3, np.nan)
+    return np.asarray(np.array([link.values[name] for name in ESTIMATE]) - believed.position_m)
+
 
 ECHO_S, RECENT_TRIPS = 0.1, 3
 TIMELY_S, LATE_S = 0.25, 0.1

@@ -6,7 +6,11 @@ estimator (position, attitude, acceleration) also follow their own inputs by 0-4
 timestamps. Such a stream gets the gyro's offset if it follows the gyro by OWN_LAG_S[0] to OWN_LAG_S[1], and the reason
 reports its measured delay. Otherwise its own timestamps are wrong, and it gets its measured delay, with an interval
 widened by the possible lag. Cameras do not see motors, requests, setpoints and battery. If the clock wanders, the
-offset is its mean (``mean_offset``).
+offset is its mean (``mean_lag``).
+
+The lag that fits a wandering gyro best lies where its error is most often, not at its mean, and scatters by half the
+wander. Where the gyro moves with the track (``moving``), the track's error is removed from the gyro's timestamps
+first. The remaining lag is the mean, several times sharper. Kept only if the gyro then fits better than before.
 """
 
 from dataclasses import replace
@@ -14,14 +18,15 @@ from dataclasses import replace
 import numpy as np
 
 from ...settings import number
-from ...signals import pairs
+from ...signals import paired_signals, pairs
 from ...signals.context import Context
-from ...signals.mocap_derivatives import derivatives_of
-from .drift_and_wander import OWN_LAG_S, moving_clocks
-from .mean_offset import mean_lag
+from ...signals.mocap_derivatives import STEP_S, derivatives_of
+from ..mathematics.lags import Lag, best_lag, lag_sums
+from .drift_and_wander import OWN_LAG_S, moving_clocks, track_of
 from .measured_lags import MEASURED_BY, Measured, measured_lags
 from .reading import ClockReading
 
+GYRO = ("gyro_x", "gyro_y", "gyro_z")
 SMALLEST_RATE_RAD_S = number("audit.readings.smallest_rate_rad_s")
 WIDEST_S = number("audit.readings.widest_s")
 UNSEEN = {
@@ -113,3 +118,26 @@ def _why_not(context: Context, own: Measured, is_gyro: bool) -> str:
     if own.lag.half_width_s > WIDEST_S:
         return f"{own.by} fit anywhere within {_ms(own)}: too little motion, or a clock that moves too much"
     return ""
+
+
+def mean_lag(context: Context) -> Lag | None:
+    """The gyro's lag without the wander that the track shows; None where it is unknown."""
+    clock, track = context.once(moving_clocks).get("imu"), context.once(track_of)
+    plain = context.once(measured_lags).get("imu")
+    placed, truth = paired_signals.on_grid(context, "imu", GYRO), context.once(derivatives_of)
+    if clock is None or not clock.like_track or track is None or plain is None or placed is None or truth is None:
+        return None
+    t = truth.time_s
+    true_time = np.maximum.accumulate(t - np.interp(t, track.time_s, track.late_s))
+    values = np.stack([np.interp(t, true_time, placed[0][:, k]) for k in range(3)], axis=1)
+    pair = paired_signals.pair_of(context, "imu", GYRO, lambda v: v, values, placed[1], truth.rate_rad_s,
+                                  paired_signals.RATE_BAND_HZ, True)
+    if pair is None:
+        return None
+    sums = lag_sums(pair.measured, pair.reference, pair.use, STEP_S, pair.reach_s)
+    if sums is None:
+        return None
+    lag = best_lag(sums)
+    if np.log(1.0 - lag.explained).sum() >= np.log(1.0 - plain.lag.explained).sum():
+        return None
+    return replace(lag, half_width_s=float(np.hypot(lag.half_width_s, 1.96 * track.mean_sd_s)))
