@@ -271,8 +271,8 @@ class Flight:
 
     ``flight["imu"]`` is a stream, ``flight[2.0:6.0]`` the flight from 2 to 6 s, on the same time axis.
 
-    metadata contains the recording's sheet as found. It adds the keys ``family`` (trajectory type), ``speed``
-    (``slow`` | ``medium`` | ``fast`` | None), ``reference_speed_m_s`` and ``repetition`` where known.
+    metadata contains the recording's sheet as found. Where known, it also has ``family`` (trajectory type),
+    ``speed`` (slow, medium, fast), ``reference_speed_m_s`` and ``repetition``.
     """
 
     name: str
@@ -338,7 +338,7 @@ class Flight:
         """A flight of DataFrames: ``{"mocap": df, ...}``, streams and quantities of ``STREAM_QUANTITIES``.
 
         The index is seconds, timedeltas or dates; the earliest row becomes time zero. Units {stream: {quantity: unit}}
-        (``deg``, ``g``, ``mV``, ``pwm16`` ...) default to those of the columns' second level, else SI. Rows are
+        are ``deg``, ``g``, ``mV``, ``pwm16`` ... The default is the columns' second level, else SI. Rows are
         unchanged: the audit finds timestamps that do not rise. Raises InputError with stream, column and row.
         """
         strange = next((s for s in {**frames, **(units or {})} if s not in STREAM_QUANTITIES), None)

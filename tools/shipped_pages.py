@@ -53,8 +53,8 @@ def page(case: ShippedCase, figures: dict[str, Any], origin: str) -> str:
     parts += [f"## Before and after\n\n{sentence(case.made)} It was diagnosed on {flights}: {figures['credit']}. "
               "The nominal simulator was fitted to other flights."]
     if figures["half_second"]:
-        alt = (f"Prediction errors after half a second of {case.simulator}: as shipped, with the correction that the "
-               "diagnosis identified, and with the makers' correction.")
+        alt = (f"Prediction errors of {case.simulator} after half a second. Bars: as shipped, with the correction that "
+               "the diagnosis identified, and with the makers' correction.")
         parts += [f"![{alt}](pictures/{case.name}-{shade}.svg#only-{shade})" for shade, _ in SHADES]
     if figures["worst"] is not None:
         parts.append(numbers(figures["worst"]))

@@ -50,7 +50,7 @@ PLANNER, LOG, ECHO = kind(Port.HIGH_LEVEL), kind(Port.LOG), kind(Port.LINK)
 
 @dataclasses.dataclass(frozen=True)
 class Fault:
-    """``up``, ``down``: packets that are lost, or come ``late_s`` later, for ``lasts_s``, a ``share`` of them. ``pose``
+    """``up``, ``down``: a ``share`` of these packets is lost for ``lasts_s``, or ``late_s`` late. ``pose``
     (pose, those before, s since) -> pose or None. ``step``: called every millisecond with world and s since. ``pilot``
     (packet, s since) -> packet. ``world``: settings of the vehicle."""
 

@@ -48,8 +48,7 @@ def inputs_of(model: Model, motor: np.ndarray, battery_V: np.ndarray) -> np.ndar
 
 @functools.lru_cache(maxsize=8)
 def priced_step(model: Model, step_s: float) -> Compiled:
-    """f(states and cost (S + 1), u, goal (3), weights (4), p) -> the same ``step_s`` later, with the cost of the new
-    state added.
+    """f(states and cost (S + 1), u, goal (3), weights (4), p) -> the same after ``step_s``, plus the new state's cost.
 
     Weights are those of |p - goal|^2, |v|^2, the tilt 1 - cos and |rate|^2."""
     ca = import_casadi()

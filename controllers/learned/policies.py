@@ -3,8 +3,8 @@
 Published ("NanoBench", arXiv 2603.09908, and its released code):
 
 - a policy of two layers of 32 with tanh;
-- an LSTM over the last 20 observations with a head of 64 that ends in a sigmoid (two layers of 128; here one of 64: a
-  tenth of the work on a processor);
+- an LSTM over the last 20 observations with a head of 64 that ends in a sigmoid. Theirs has two layers of 128, ours
+  one of 64: a tenth of the work on a processor;
 - dynamics of three layers of 256 with ReLU that give the change of the scaled observation, trained with noise on the
   commands.
 """

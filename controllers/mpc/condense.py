@@ -20,9 +20,10 @@ UNIT_N = 0.1
 def condense(a: np.ndarray, b: np.ndarray, c: np.ndarray, start: np.ndarray, residual: np.ndarray, q: np.ndarray,
              p: np.ndarray, r: np.ndarray, offset: np.ndarray, h: np.ndarray, g: np.ndarray, turns: np.ndarray,
              fixed: np.ndarray) -> None:
-    """a (N, S, S), b (N, 4, S) transposed, c (N, S), start (S,) dx_0, residual (N + 1, S), q (S,) diagonal, p (S, S),
-    r (4, 4), offset (N, 4) input minus its target [N] -> writes h (4 N, 4 N) and g (4 N); the
-    errors of the attitude of stages 1.. are fixed (N, 3) + turns (N, 3, 4 N) z."""
+    """Writes h (4 N, 4 N) and g (4 N). The attitude errors of stages 1.. are fixed (N, 3) + turns (N, 3, 4 N) z.
+
+    - a (N, S, S), b (N, 4, S) transposed, c (N, S), start (S,) dx_0, residual (N + 1, S).
+    - q (S,) diagonal, p (S, S), r (4, 4), offset (N, 4) input minus its target [N]."""
     n, s = c.shape
     wide = 4 * n
     free = start.copy()
@@ -89,9 +90,10 @@ def condensed(a: np.ndarray, b: np.ndarray, c: np.ndarray, start: np.ndarray, re
               p: np.ndarray, yaw: float, turned: np.ndarray, r: np.ndarray, goals: np.ndarray, about: np.ndarray,
               least: np.ndarray, most: np.ndarray, h: np.ndarray, g: np.ndarray, turns: np.ndarray, fixed: np.ndarray,
               bounds: np.ndarray) -> None:
-    """The program about inputs ``about`` (N, 4) N whose targets are ``goals`` (>= N, 4), of a vehicle that looks along
-    ``yaw``: ``condense``, with motors between least and most (4,) N as bounds (2, 4 N) of z. ``turned`` (S, S) takes
-    the terminal weight."""
+    """The program about inputs ``about`` (N, 4) N whose targets are ``goals`` (>= N, 4).
+
+    The vehicle looks along ``yaw``. As ``condense``, with motors between least and most (4,) N as bounds (2, 4 N) of z.
+    ``turned`` (S, S) takes the terminal weight."""
     n = about.shape[0]
     headed(p, yaw, turned)
     offset = about - goals[:n]

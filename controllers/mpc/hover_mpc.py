@@ -74,8 +74,8 @@ class HoverVehicle:
     """What the controller knows of a vehicle in addition to its program, in SI.
 
     ``drag_1_s`` (3,): drag over mass along the heading. ``air_N_s_m`` (4, 3): thrusts of the motors that balance the
-    moment of an air velocity along the heading. ``thrust_scale``: what the motors give of what the firmware's thrust
-    curve promises, at hover. position_1_s2, velocity_1_s (3,): accelerations that answer errors without bounds.
+    moment of an air velocity along the heading. ``thrust_scale``: thrust of the motors over that of the firmware's
+    curve, at hover. ``position_1_s2``, ``velocity_1_s`` (3,): accelerations that answer errors without bounds.
     ``most_integral`` (4,): limits of the integrals, m s and rad s.
     """
 
@@ -152,8 +152,8 @@ def _condensed(a: np.ndarray, b: np.ndarray, q: np.ndarray, r: np.ndarray) -> Pr
 class HoverMpc:
     """Full references in, motor PWM out, at 500 Hz. Raises InputError for a model whose input is not PWM.
 
-    ``thrust_N`` (n, 4): the last thrusts of the motors. ``guard`` counts replaced inputs. ``counts``: commands whose
-    program met a bound (``bounded``), and those of them that needed more than ITERATIONS (``solver``). These are the
+    ``thrust_N`` (n, 4): the last thrusts of the motors. ``guard`` counts replaced inputs. ``counts``: commands
+    whose program met a bound (``bounded``), and those beyond ITERATIONS (``solver``). These are the
     answer without bounds, clipped.
     """
 

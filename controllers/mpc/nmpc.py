@@ -33,9 +33,10 @@ def _turned(m: np.ndarray, v: np.ndarray) -> None:
 
 @nb.njit(cache=True)
 def against(flown: np.ndarray, targets: np.ndarray, a: np.ndarray, b: np.ndarray, residual: np.ndarray) -> None:
-    """Writes the errors (N + 1, S) of states flown (N + 1, 17) against targets, and turns a (N, S, S) and b (N, 4, S),
-    made in the charts of the flight, into those of the targets: d(error) = (w 1 + v x) d(turn) for the rotation (v, w)
-    between them."""
+    """Writes the errors (N + 1, S) of states flown (N + 1, 17) against targets.
+
+    Turns a (N, S, S) and b (N, 4, S), made in the charts of the flight, into those of the targets. For the rotation
+    (v, w) between them, d(error) = (w 1 + v x) d(turn)."""
     n, s = a.shape[0], a.shape[1]
     last = np.eye(3)
     for k in range(n + 1):

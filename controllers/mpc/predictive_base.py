@@ -322,6 +322,7 @@ class Mpc:
 
     def solve(self, i: int, x: np.ndarray, yaw: float, targets: np.ndarray, inputs: np.ndarray, least: np.ndarray,
               most: np.ndarray) -> np.ndarray | None:
-        """Plan for vehicle i: x (17), targets (N + 1, 17) and inputs (N + 1, 4), motors between least and most (4,) N
-        -> thrusts (N, 4), or None."""
+        """Plan for vehicle i: thrusts (N, 4), or None.
+
+        x (17), targets (N + 1, 17) and inputs (N + 1, 4), motors between least and most (4,) N."""
         raise NotImplementedError

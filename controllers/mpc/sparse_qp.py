@@ -89,8 +89,10 @@ class SparseOsqp:
 
     def __call__(self, a: np.ndarray, b: np.ndarray, c: np.ndarray, start: np.ndarray, yaw: float, low: np.ndarray,
                  high: np.ndarray, targets: np.ndarray, radius: float) -> np.ndarray | None:
-        """a (N, S, S), b (N, 4, S) transposed, c (N, S), start (S,); bounds of the changes (N, 4) N, targets
-        (N + 1, 17), sine of the most tilt -> changes (N, 4) N or None."""
+        """Changes (N, 4) N, or None.
+
+        - a (N, S, S), b (N, 4, S) transposed, c (N, S), start (S,).
+        - Bounds of the changes (N, 4) N, targets (N + 1, 17), sine of the most tilt."""
         self._most[:] = FAR
         if self._solver is None:
             self._set_up(a, b)

@@ -56,8 +56,10 @@ def _run_filters(sources: str) -> Callable[..., None]:
 def _feel(state: np.ndarray, before: np.ndarray, motor: np.ndarray, step_s: float, gravity: float, noise: np.ndarray,
           sigma: np.ndarray, acc_g: np.ndarray, gyro_deg_s: np.ndarray, rate: np.ndarray) -> None:
     """An IMU's sample of states (17, n): the mean specific force since the velocities before (3, n) in g, and the rate
-    in deg/s. It also writes the rate in rad/s into rate (n, 3). noise (n, 6) unit normal, sigma (4,): accelerometer at
-    rest, with turning motors; gyro at rest, with turning motors."""
+    in deg/s. It also writes the rate in rad/s into rate (n, 3).
+
+    noise (n, 6) unit normal; sigma (4,): accelerometer at rest, with turning motors; gyro at rest, with turning motors.
+    """
     for i in range(state.shape[1]):
         x, y, z, w = state[6, i], state[7, i], state[8, i], state[9, i]
         fx = (state[3, i] - before[0, i]) / step_s

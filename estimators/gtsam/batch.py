@@ -33,9 +33,9 @@ changes."""
 CLOCK_SD_S = number("smoothers.batch.clock_sd_s")
 TOGETHER_SD_M = number("smoothers.batch.together_sd_m")
 ALONE_SD_M = number("smoothers.batch.alone_sd_m")
-"""Disagreement of poses and IMU in addition to the noise of the pose. Where several poses belong to one state: the
-wander of the IMU's timestamps, whose errors are correlated, times the velocity of each axis, and a rest. And where one
-is alone."""
+"""Disagreement of poses and IMU in addition to the noise of the pose. Where several poses belong to one state, it is
+the wander of the IMU's timestamps times the velocity of each axis, and a rest. These errors are correlated. And where
+one is alone."""
 
 ATTITUDE_SD_RAD = number("smoothers.batch.attitude_sd_rad")
 UNKNOWN_SD_M = number("smoothers.batch.unknown_sd_m")

@@ -17,9 +17,9 @@ def _left_matrix(quaternion: np.ndarray) -> np.ndarray:
 
 
 def errors(states: np.ndarray, derivatives: np.ndarray | None, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """states (K, 13, n), derivatives (K, F, 13, n), truth (n, K, 13) -> errors (n, K, 4, 3) and their derivatives (n,
-    K, 4, 3, F).
+    """Errors (n, K, 4, 3) and their derivatives (n, K, 4, 3, F).
 
+    Given: states (K, 13, n), derivatives (K, F, 13, n), truth (n, K, 13).
     Errors: position m, velocity m/s, attitude rad (vector part of the error quaternion, twice), rate rad/s."""
     x = states.transpose(2, 0, 1)
     n, horizons = x.shape[:2]

@@ -30,8 +30,8 @@ class Seen:
     - context (n, C): at the start and before.
     - steps (n, H, S): along the window.
     - thrust (n, H, 3) m/s^2: specific force along the predicted path, body.
-    - kinds: of the columns of both, a letter for every column or triple (``m`` moving vector, ``t`` turning vector,
-      ``s`` scalar)."""
+    - kinds: of the columns of both, a letter for every column or triple. ``m``: moving vector, ``t``: turning vector,
+      ``s``: scalar."""
 
     context: np.ndarray
     steps: np.ndarray

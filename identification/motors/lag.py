@@ -1,7 +1,7 @@
 """How fast rotors follow their command: time constants up and down, fitted by simulation against measured speed.
 
-The command goes through the physics of the simulator, one second at a time: ``thrust_voltage`` of degree 1,
-``motor_lag``, ``command_delay``, ``thrust_rpm``. The simulated speed is compared with the measured one. Both are taken
+The command goes through the physics of the simulator, one second at a time. Its terms are thrust_voltage of degree 1,
+motor_lag, command_delay and thrust_rpm. The simulated speed is compared with the measured one. Both are taken
 without their mean over the window and with one gain per motor. Neither a sagging battery nor a warming motor then
 looks like a lag. With a straight map such a gain changes no other parameter. A soft L1 loss bounds what single rows
 with a wrong speed can do. The delay holds what is pure waiting: of the command, and of the speed measurement (half a

@@ -77,7 +77,7 @@ class RealCase:
 @dataclass(frozen=True, repr=False)
 class RealScore(CaseScore):
     """right: the removed effect is identified; in the control none. ``beside``: false effects that the control of the
-    same flights does not have."""
+    same flights lacks."""
 
     beside: tuple[str, ...]
 

@@ -48,9 +48,9 @@ INDEPENDENT_S = 1.0
 OTHER_MOTORS = number("vehicle.vehicle_fit.other_motors")
 ONE_VEHICLE = number("vehicle.vehicle_fit.one_vehicle")
 STILL = 0.8
-"""Share of the prior in drag from which on the flights are said to show none."""
+"""Share of the prior in drag from which on the flights show none."""
 OTHERS = ("the thrust is not that of the motors behind the priors. {} of these motors {} not known and {} a wide "
-          "prior; give your own with a priors file")
+          "prior. Give your own with a priors file")
 """What of the motors is a prior."""
 LAGS = ("motor_lag.tau_up_s", "motor_lag.tau_down_s")
 TERMS = ("thrust_voltage", "thrust_scale", "motor_imbalance", "command_delay", "motor_lag", "inertia", "yaw_torque",

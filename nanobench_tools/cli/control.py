@@ -30,8 +30,9 @@ DEFAULT_PLANTS = ("real", "gate")
 @click.command()
 @shared_options()
 @click.option("--plant", "plants", multiple=True, metavar="NAME",
-              help="real: the logged flights; gate: held-out flights flown again on the plant, against their logs; "
-                   "simulated: an ensemble of plants; mismatch: plants unlike what controllers assume. May repeat. "
+              help="real: the logged flights; gate: held-out flights flown again on the plant, against their logs. "
+                   "Also simulated: an ensemble of plants; mismatch: plants unlike those that controllers assume. "
+                   "May repeat. "
                    "Default: real and gate.")
 @click.option("--protocol", "protocols", multiple=True, metavar="NAME",
               help="Of real flights: as-published or clean; may repeat. Default: both.")
@@ -73,9 +74,9 @@ def control(options: Options, plants: tuple[str, ...], protocols: tuple[str, ...
             gain_files: tuple[Path, ...], learned: str | None, dagger: int) -> int:
     """Task 2: how well was it flown, and how would another controller fly it?
 
-    Plant real: as-published is the published pair of rows with its faults; clean scores the phase in which a path was
-    streamed, by family, speed and controller. Plant gate: does the plant do what held-out recordings did? Plant
-    simulated: controllers on many plants that the vehicle may be, with the gate's gap next to every number.
+    Plant real: as-published is the published pair of rows with its faults. Protocol clean scores the phase in which a
+    path was streamed, by family, speed and controller. Plant gate: does the plant do what held-out recordings did?
+    Plant simulated: controllers on many plants that the vehicle may be, with the gate's gap next to every number.
     """
     from ..practice.references import FAMILIES
     from ..protocols import task2

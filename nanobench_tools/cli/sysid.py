@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 DEFAULT_METHODS = ("naive", "published_physics", "published_physics_ratio2")
 NOTE = 400
 """Characters of the note on the exported file that are shown on the screen; --verbose shows all."""
-STARTS_SENTENCE = ("Starts: centred, the stored velocity, which uses poses 50 ms ahead, and rows that the recorder "
-                   "interpolated up to the next packet; past, a velocity of poses up to the start. Past also uses "
+STARTS_SENTENCE = ("Starts: centred has the stored velocity, which uses poses 50 ms ahead, and rows that the recorder "
+                   "interpolated up to the next packet. Past has a velocity of poses up to the start. It also uses "
                    "gyro and onboard attitude of the newest row that had surely arrived, on the clock they were "
                    "recorded on.")
 SHOWN = (("position_mae_m", "position m"), ("velocity_mae_m_s", "velocity m/s"), ("attitude_mae_rad", "attitude rad"),

@@ -36,8 +36,8 @@ def thrust(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
 
     Fits polynomials, motor models and the firmware's curves, and chooses by training files held out in turn. The data
     are thrust-stand tables (thrust per motor) and flights (body-z specific force of the accelerometer, 3 Hz low-pass).
-    Without --train and --test each stand series is predicted from the others of its propeller, and flights are split
-    as in Task 1. --out gets thrust.json, thrust.html, terms.toml (for a simulator) and thrust_firmware.h."""
+    Without --train and --test each stand series is predicted from the others of its propeller. Flights are split as in
+    Task 1. --out gets thrust.json, thrust.html, terms.toml (for a simulator) and thrust_firmware.h."""
     from identification.thrust.flight_fit import models
 
     from ..physics.vehicle import Vehicle
@@ -116,8 +116,9 @@ def _cells(row: ErrorRow, part: Part) -> tuple[str, ...]:
 
 
 def formula(part: Part, assumed: str = "") -> str:
-    """The chosen map with its numbers and units, and what it gives at hover and at full command. assumed: option of
-    the mass, where it was not given."""
+    """The chosen map with its numbers and units, and its thrust at hover and at full command.
+
+    assumed: option of the mass, where it was not given."""
     from identification.thrust.thrust_formula import MEANING
 
     result = part.result

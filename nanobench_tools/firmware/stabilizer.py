@@ -32,9 +32,12 @@ LOOP = np.dtype([("step", "i8"), ("controller", "i1"), ("allowed", "i1"), ("over
                  ("filtered_V", "f4"), ("cmd_thrust", "f4"), ("request", "i4", 4), ("motor", "i4", 4),
                  ("direct", "i4", 4), ("motor_on_step", "i8"), ("control", CONTROL), ("wrench", WRENCH),
                  ("estimate", ESTIMATE)], align=True)
-"""The loop: count of steps, which controller flies, whether motors may turn, ``motorPowerSet.enable`` and its values
-(``direct``), filtered IMU, memory of its low passes, world acceleration without gravity [g], battery measured and
-filtered, thrust of the loop before, motors before and after the cap [counts], the step at which one last turned."""
+"""The loop.
+
+- Count of steps, flying controller, whether motors may turn, ``motorPowerSet.enable`` and its values (``direct``).
+- Filtered IMU, memory of its low passes, world acceleration without gravity [g], battery measured and filtered.
+- Thrust of the loop before, motors before and after the cap [counts], the step at which one last turned.
+"""
 
 _GYRO_FILTER = np.array(low_pass(1000.0, GYRO_HZ), np.float32)
 _ACC_FILTER = np.array(low_pass(1000.0, ACC_HZ), np.float32)
@@ -63,9 +66,10 @@ def sense(s: Record, acc_g: np.ndarray, gyro_deg_s: np.ndarray) -> None:
 
 @nb.njit()
 def believe(s: Record, core: Record) -> None:
-    """kalmanCoreExternalizeState for one vehicle and its newest accelerometer sample [g]: position [m], velocity [m/s]
-    and acceleration [g] in the world, gravity taken off z; roll, legacy pitch (nose up), yaw [deg]; quaternion x, y, z,
-    w."""
+    """kalmanCoreExternalizeState for one vehicle and its newest accelerometer sample [g].
+
+    - Position [m], velocity [m/s] and acceleration [g] in the world, gravity taken off z.
+    - Roll, legacy pitch (nose up), yaw [deg]; quaternion x, y, z, w."""
     r, q, e = core.rotation, core.quaternion, s.estimate
     for i in range(3):
         e.position_m[i] = core.state[i]

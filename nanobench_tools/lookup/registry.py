@@ -1,7 +1,6 @@
 """Finds methods, sources and faults by entry point, so that a new one is one new file and one line.
 
-Groups: ``nanobench.estimators``, ``.controllers``, ``.predictors``, ``.sources``, ``.terms``, ``.faults``,
-``.simulators``.
+Groups of ``nanobench``: estimators, controllers, predictors, sources, terms, faults, simulators.
 ``module:Class`` loads anything importable without registration.
 """
 

@@ -22,8 +22,8 @@ class Mark:
     """One series of a panel. ``name`` is in the legend, once for all marks of that name.
 
     - x, y: values (n,), None or nan where missing.
-    - kind: ``line``, ``points``, ``both``, ``area`` (a line filled between ``low`` and ``high``) or ``bars`` (lying,
-      from ``x`` to ``high``).
+    - kind: ``line``, ``points``, ``both``, ``area`` or ``bars``. An area is a line filled between ``low`` and ``high``.
+      Bars lie, from ``x`` to ``high``.
     - low, high: ends of an interval (n,), of ``x`` where ``across``, else of ``y``.
     - text: label of each value (n,).
     - size: of each point or of all, px.

@@ -1,9 +1,9 @@
 """CasADi expressions -> LLVM code that evaluates them for many windows at once, one window per lane of a vector.
 
 The instruction list of an SX function becomes straight-line code over vectors of LANES doubles. Values that depend on
-uniform inputs only (parameters) are computed once, as scalars, before the loops. The kernel of a function f(state, row
-inputs, lane inputs, uniform inputs) -> (next state, others ...) runs over blocks of lanes and, inside, over rows.
-Without a state it is evaluated once per row. Arrays hold components first and lanes last:
+uniform inputs only (parameters) are computed once, as scalars, before the loops. A function is f(state, row
+inputs, lane inputs, uniform inputs) -> (next state, others ...). Its kernel runs over blocks of lanes and, inside, over
+rows. Without a state it is evaluated once per row. Arrays hold components first and lanes last:
 
     state (S, N) or (H + 1, S, N), row inputs (H, I, N), lane inputs (I, N), uniform inputs (I,), others (H, O, N).
 """

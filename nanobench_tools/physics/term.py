@@ -51,8 +51,7 @@ class Belief:
 class Parameter:
     """One entry of a term.
 
-    ``length``: 0 for a scalar, a fixed length, None for any length from 1 on, or ``"rotors"`` for one element per
-    rotor.
+    ``length``: 0 for a scalar, a fixed length, or None for any length from 1 on. ``"rotors"``: one element per rotor.
 
     ``lower`` and ``upper`` bound every element physically. ``neutral``: value of an element without an effect: a
     number, the key of the same quantity of the vehicle, or None. ``typical``: order of magnitude for a 40 g quadrotor

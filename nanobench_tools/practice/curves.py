@@ -116,8 +116,9 @@ def star(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
 
 
 def trefoil(t: np.ndarray, params: Mapping[str, Any]) -> PathPoint:
-    """Projection of the trefoil knot, x = (sin + 2 sin 2)/3, y = (cos - 2 cos 2)/3, height -``z_amplitude_m`` sin 3.
+    """Projection of the trefoil knot, x = (sin + 2 sin 2)/3, y = (cos - 2 cos 2)/3.
 
+    The height is -``z_amplitude_m`` sin 3.
     The nominal lap is 8.5 times ``scale_m``.
     """
     size = params["scale_m"]

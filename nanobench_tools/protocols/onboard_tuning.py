@@ -2,7 +2,7 @@
 
 Drag is a regression of the horizontal specific force on the velocity of the motion capture in body axes. The settings
 of the pose and the gyro are searched by running the firmware's filter again. Every flight is scored with parameters
-that were found without its part (``parts``): its session where there are several, else every fifth flight.
+that were found without its part (``parts``). A part is a session where there are several, else every fifth flight.
 """
 
 from __future__ import annotations

@@ -36,8 +36,9 @@ def published() -> dict[str, Any]:
 
 
 def beside(task: str, kind: str, name: str) -> Published | None:
-    """The published row of (task, kind, name), if the published table has it: (``task3``, ``groups``, ``Slow``),
-    (``task2``, ``controllers``, ``pid``) or (``task1``, ``models``, ``naive``)."""
+    """The published row of (task, kind, name), if the published table has it.
+
+    Such are (task3, groups, Slow), (task2, controllers, pid) and (task1, models, naive)."""
     found = published()[task][kind].get(name)
     if found is None:
         return None

@@ -79,8 +79,8 @@ def cut_windows(flight: Flight, spans: Sequence[Span], truth: str, past: bool = 
 
     start (one of STARTS): ``centred``, the stored rows; ``past``, only data that had arrived by then: velocity from
     poses up to the start. Gyro and onboard attitude come from their newest whole row. They are on the clock of
-    ``recorded`` if the streams of ``flight`` were moved by a clock estimated from the whole flight. What comes, and the
-    inputs, are the same.
+    ``recorded`` if an estimate from the whole flight moved the streams of ``flight``. What comes, and the inputs, are
+    the same.
     """
     if start not in STARTS:
         raise UsageError(f"start is {start!r}; it can be {', '.join(STARTS)}")

@@ -43,7 +43,7 @@ LANDED, FELL, UNKNOWN = "landed", "fell", "unknown"
 
 
 def lost_link(time_s: np.ndarray, position_m: np.ndarray, quaternion: np.ndarray, logged_s: float) -> dict[str, Any]:
-    """For the sheet: ``how`` the flight ended, ``height_m`` at the last log, ``sank_m_s``; {} if it did not end so.
+    """For the sheet: ``how`` the flight ended, ``height_m`` at the last log, ``sank_m_s``. Empty if it did not end so.
 
     Parameters
     ----------

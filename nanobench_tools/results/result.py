@@ -94,8 +94,7 @@ def _object(value: Any, nan: Any) -> dict[str, Any]:
 
 
 def from_json(kind: Any, value: Any) -> Any:
-    """Reads back what ``to_json`` wrote for a ``kind`` (a dataclass, or a type such as ``list[Row]`` or ``float |
-    None``).
+    """Reads back what ``to_json`` wrote for a ``kind``: a dataclass, or a type such as ``list[Row]``.
 
     null is nan where a float is expected. A dataclass takes the keys of its fields and leaves others alone; a mapping
     that is INLINE takes what no other field has.

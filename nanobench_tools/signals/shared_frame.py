@@ -1,7 +1,7 @@
 """Axes that all streams of a recording share: a table that is NED and FRD as a whole agrees with itself.
 
 The flight decides: the tilt against the acceleration of the path, and the ground below it. With motion capture these
-are ``pose_frame``; the other streams share its axes where their comparison with the turned poses gives the same turn.
+are ``pose_frame``. Other streams share its axes where their comparison with the turned poses gives the same turn.
 Without motion capture the estimated position and attitude are judged in the same way.
 """
 

@@ -21,7 +21,9 @@ TIMES_SUFFIX = ".times.txt"
 
 
 def tum_text(time_s: np.ndarray, position_m: np.ndarray, quaternion: np.ndarray) -> str:
-    """A trajectory as TUM lines ``t x y z qx qy qz qw``: time_s (n,) Unix s, position_m (n, 3), quaternion (n, 4)."""
+    """A trajectory as TUM lines ``t x y z qx qy qz qw``.
+
+    time_s (n,) Unix s, position_m (n, 3), quaternion (n, 4)."""
     text = io.StringIO()
     np.savetxt(text, np.column_stack([time_s, position_m, quaternion]), fmt="%.9f")
     return text.getvalue()

@@ -1,5 +1,5 @@
 """Tables and sentences as lines of a terminal. Words and numbers are never cut. Where the width does not suffice,
-spreads are left out first, then text is folded between words, then long words of sentences (topics, paths) are broken.
+spreads are left out first. Then text is folded between words. Then long words of sentences (topics, paths) are broken.
 Then columns are left out and listed, or stacked below each other."""
 
 import textwrap

@@ -22,8 +22,9 @@ REFUSED = "refused"
 
 @dataclass(frozen=True, repr=False)
 class ShippedAnswer(Result):
-    """What a diagnosis gives: outcome (``motor_geometry`` and ``refused`` before any physics), its paragraph, the
-    findings and the corrected simulator as in verdict.json."""
+    """Result of a diagnosis: outcome, paragraph, findings and corrected simulator as in verdict.json.
+
+    Outcomes before any physics are ``motor_geometry`` and ``refused``."""
 
     outcome: str
     paragraph: str
@@ -68,8 +69,8 @@ class ShippedScore(Result):
     - shown: largest rise of a prediction error over that of the corrected simulator; visible: by a quarter or more,
       or the answer is no effect.
     - named: terms identified in the simulator as shipped; also: in the corrected one.
-    - false: identified as shipped and not part of the known error. What is identified in the corrected or the nominal
-      simulator, too, is not counted.
+    - false: identified as shipped and not part of the known error. Effects that are identified in the corrected or
+      the nominal simulator, too, are not counted.
     - again: identified in the corrected simulator although it is right there.
     - sized: all known errors have their size in the interval; right: the whole answer; why not, in words."""
 

@@ -11,9 +11,10 @@ constant after the logs were closed. Those rows are as wrong as any and are cut.
 log stopped in the air compares start_s with ``airborne``.
 
 Size: seconds from the last packet to the end. Smallest found: 0.1 s, or 5 packets of a stream slower than 50 Hz
-(shorter ends are lost to the radio by chance). Times are right to one packet. Not found: the death of a stream that
-held still before, such as a setpoint in hover, if no other stream died with it, and poses that stand still after a
-landing where they did so before take-off (a tracker without noise at rest).
+(shorter ends are lost to the radio by chance). Times are right to one packet. Two deaths are not found:
+
+- of a stream that held still before, such as a setpoint in hover, if no other stream died with it;
+- of poses that stand still after a landing and did so before take-off (a tracker without noise at rest).
 """
 
 from ...flight import Fault, Flight

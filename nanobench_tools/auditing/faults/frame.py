@@ -1,7 +1,7 @@
 """frame: a stream is in other axes than it should be, turned as a whole (FRD for FLU, NED for z up, y up).
 
-Found by what the vehicle does. The tracked poses (``signals.flown_axes``): a multirotor accelerates towards the side
-to which it tilts, and flies above the ground on which it rested. Inverted quaternions and an attitude in a world of
+Found by what the vehicle does. For the tracked poses (``signals.flown_axes``), a multirotor accelerates towards the
+side to which it tilts. It flies above the ground on which it rested. Inverted quaternions and an attitude in a world of
 another heading tilt to another side (``signals.tilt_heading``). The other streams: their correlation with the motion
 capture's prediction, and gravity. Both are evaluated for each of the 24 rotations by quarter and half turns
 (``signals.stream_frames``). Gyro and accelerometer turn together, poses and attitude together, and an axis that does

@@ -56,8 +56,7 @@ def _bends_around(straight: np.ndarray, a: int, b: int) -> bool:
 
 
 def _kinked(values: np.ndarray, a: int, b: int) -> bool:
-    """Whether the chord over rows a - 1 to b of ``values`` (n, k) begins and ends with bends larger than those of its
-    neighbours."""
+    """Whether the chord over rows a - 1 to b of ``values`` (n, k) has larger bends at its ends than its neighbours."""
     bend = np.abs(np.diff(values, 2, axis=0)).max(axis=1)  # of the row after each
     beside = np.concatenate([bend[max(a - 52, 0):max(a - 3, 0)], bend[b + 1:b + 51]])
     ends = [bend[max(row - 2, 0):row + 1] for row in (a - 1, b)]

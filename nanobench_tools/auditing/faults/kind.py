@@ -34,8 +34,9 @@ class Blind:
 
 @dataclass(frozen=True)
 class Injection:
-    """How to put a known fault into a flight, ``function(flight, rng, size, **case) -> (flight, Fault)``, or into the
-    bytes of a file, ``function(data, rng, size, **case) -> (data, Fault)``. The input is never changed.
+    """How to put a known fault into a flight or the bytes of a file. The input is never changed.
+
+    ``function(flight, rng, size, **case) -> (flight, Fault)``, or with the bytes ``data`` for the flight.
 
     sizes: from near the detection limit to plain, in ``unit``; (None,) if a size makes no sense. ``cases``: further
     keyword arguments worth trying. ``blind``: deals of ``nanobench prove``. The truth's size has the unit of the

@@ -6,9 +6,9 @@ fits the whole stream best. It is below -0.4 with one sign in the seconds of the
 clearly better than any lag without a change of sign. The accelerometer's z is judged by gravity. True correlations of
 real flights are +0.2 to +1.0. When gyro and estimated attitude are both negated, the motion capture is.
 
-A negated axis of the tracked position makes its path the mirror image of what the tilt gives (correlation of the mirror
-image above 0.8, and 0.3 above that of any turn). If the gyro turns against the attitude, too, a part of the quaternion
-is negated. A height that only falls, of a vehicle that tilts as one with z up, is negated.
+A negated axis of the tracked position makes its path the mirror image of that of the tilt. The correlation of the
+mirror image is above 0.8, and 0.3 above that of any turn. If the gyro turns against the attitude, too, a
+part of the quaternion is negated. A height that only falls, of a vehicle that tilts as one with z up, is negated.
 
 Without motion capture the estimated angles are compared with the gyro. Where they turn against each other, one of the
 two columns is negated. Estimated velocity, acceleration and set-point are compared with the estimated position, and

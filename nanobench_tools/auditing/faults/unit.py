@@ -2,8 +2,8 @@
 
 Found in three ways. Size alone: the time between rows, specific force against gravity, battery against the voltage of
 cells, motor commands and rotor speeds against those of flights. Also commands below zero, angles beyond two turns, and
-a tracked position wider than a room. Path and tilt: a path that accelerates by another factor than its tilt gives,
-since lengths or times are in another unit (``signals.path_sizes``). Comparison:
+a tracked position wider than a room. Path and tilt: lengths or times in another unit make a path accelerate by
+another factor than its tilt (``signals.path_sizes``). Comparison:
 the amplitude of rates, angles, velocities and positions in the air against the motion capture
 (``signals.axis_unit_matching``). It needs a correlation of the two of more than 0.4. Without motion capture the
 accelerometer judges the gyro (``signals.tumbling``). When estimator and setpoint are

@@ -1,6 +1,6 @@
 """A process that has a flight's last word: it lands the vehicle when the process that flies it dies.
 
-It waits for lines on its stdin: ``port N`` (the flight's UDP port), ``air GROUND HEIGHT`` [m] or ``ground``. When stdin
+It waits for lines on its stdin: ``port N`` (UDP port), ``air GROUND HEIGHT`` [m], ``ground``. When stdin
 ends while the vehicle is in the air, it opens the link anew and commands the vehicle's planner to land, repeatedly for
 LAND_S. ``kill -9`` of the flight closes stdin, too. cflib is loaded before the flight begins, so that no time is lost.
 """

@@ -104,8 +104,9 @@ class DeadReckoning:
             self._past.append(_Moment(*before, acc, gyro))
 
     def rewind(self, seconds: float) -> None:
-        """Forget the poses of the last ``seconds``, which turned out to be false: the state from before them, and the
-        IMU since then."""
+        """Forget the poses of the last ``seconds``, which turned out to be false.
+
+        The state is that from before them, with the IMU since then."""
         past = [moment for moment in self._past if moment.time_s >= self.time_s - seconds]
         if not past:
             return

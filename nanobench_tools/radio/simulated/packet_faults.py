@@ -20,8 +20,8 @@ def every(packet: Packet) -> bool:
 
 
 class PacketFaults:
-    """``up``, ``down``: kinds of packets to and from the vehicle. While the fault lasts, from 0 to ``lasts_s`` of
-    ``since()``, a ``share`` of them vanishes, or comes ``late_s`` later. ``struck`` counts them."""
+    """``up``, ``down``: kinds of packets to and from the vehicle. The fault lasts from 0 to ``lasts_s`` of ``since()``.
+    A ``share`` of them vanishes meanwhile, or comes ``late_s`` later. ``struck`` counts them."""
 
     def __init__(self, since: Callable[[], float], rng: np.random.Generator, up: Kind | None = None,
                  down: Kind | None = None, lasts_s: float = np.inf, share: float = 1.0, late_s: float = 0.0) -> None:

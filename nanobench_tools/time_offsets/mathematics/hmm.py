@@ -15,8 +15,8 @@ def posterior(log_likelihood: np.ndarray, log_transition: np.ndarray, up: int, c
     """(n, m) probabilities of the states given all rows (causal: given the rows up to each one).
 
     - log_likelihood (n, m).
-    - log_transition (n, b): row i holds the log weight of the step from row i - 1 in cells, column c meaning a step of
-      c - (b - 1 - up), so at most ``up`` cells upward; row 0 is not used.
+    - log_transition (n, b): row i holds the log weight of the step from row i - 1 in cells. Row 0 is not used.
+      Column c is a step of c - (b - 1 - up), so at most ``up`` cells upward.
     """
     n, m = log_likelihood.shape
     width = log_transition.shape[1]
@@ -94,8 +94,8 @@ def add_student_evidence(log_likelihood: np.ndarray, row: np.ndarray, cell: np.n
     """Adds to (n, m) ``log_likelihood`` how well each delay explains each sample; in place.
 
     - row (s,): chain row of the sample.
-    - cell (s,): its timestamp on the fine grid of ``predicted`` (g, k); state j means that the sample shows cell - (j
-      + first_state) stride.
+    - cell (s,): its timestamp on the fine grid of ``predicted`` (g, k). In state j the sample shows
+      cell - (j + first_state) stride.
     - measured (s, k), sigma (k,): in the unit of the stream.
 
     Student t with 6 degrees of freedom, so that a spike cannot vote more than about twice; ``weight`` < 1 where

@@ -51,8 +51,8 @@ def infer(context: Context, kinds: tuple[str, ...] = tuple(KINDS), causal: bool 
     """The warp that the streams ``kinds`` show, believed as it is; None without motion capture, flight or evidence.
 
     No other stream is used. Two of them also show how the delay moves where one is the other's rate
-    (``steps.STEP_KINDS``, needs no motion capture). ``causal``: the value at t uses the flight up to t + 0.06 s at
-    most, as the derivatives of the poses need. Noise and lags are then the typical ones, because learning them takes
+    (``steps.STEP_KINDS``, needs no motion capture). ``causal``: the value at t uses the flight up to t + 0.06 s. The
+    derivatives of the poses need these. Noise and lags are then the typical ones, because learning them takes
     the whole flight. Streams whose slow part has to be removed are left out. ``begin``: a warp found from fewer
     streams; half the passes are enough from there.
     """

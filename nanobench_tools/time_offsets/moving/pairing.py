@@ -86,7 +86,7 @@ def with_mocap(flight: Flight, tracked: Flight) -> Flight:
 
 def coarse_offset(time_a: np.ndarray, a: np.ndarray, time_b: np.ndarray, b: np.ndarray,
                   place: str, what: str = "turning rates") -> float:
-    """Offset to add to ``time_b`` (m,) so that the lengths of the vectors ``b`` (m, k) match those of ``a``.
+    """Offset to add to ``time_b`` (m,): then the lengths of ``b`` (m, k) match those of ``a``.
 
     Shapes: ``a`` (n, k) at ``time_a`` (n,) [s]. The result is accurate to a step of 10 ms. Raises InputError with
     ``place`` if no offset, or more than one, fits."""
