@@ -3,11 +3,11 @@
     python benchmarks/studies/tune_filters.py [--data DIR] [--row NAME ...] [--budget 450] [--write]
 
 Objective: mean log density [nat] of the true position under the filter's own covariance. Half of it is among few noisy
-poses (``aided``). The other half is 1, 5, 10 and 20 s after the last pose (``blackout``). Recordings are of the families
-that train, so many of each session, all sessions counting alike. Every row starts from the same values and is searched by
-L-BFGS over logarithms. Sessions held out in turn set the number of evaluations: the one after which the sessions that
-were not searched on are likeliest. A last search over all of them goes so far. Other families have no vote and are
-only printed. With --write what was found goes into the package.
+poses (``aided``). The other half is 1, 5, 10 and 20 s after the last pose (``blackout``). Recordings are of the
+families that train, so many of each session, all sessions counting alike. Every row starts from the same values and is
+searched by L-BFGS over logarithms. Sessions held out in turn set the number of evaluations: the one after which the
+sessions that were not searched on are likeliest. A last search over all of them goes so far. Other families have no
+vote and are only printed. With --write what was found goes into the package.
 """
 
 from __future__ import annotations
