@@ -30,7 +30,7 @@ _HEADER = re.compile(r"\s*([A-Za-z][\w. ]*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s
 _UNIT_BEHIND = re.compile(r"(.+)_(percent|pct|us|g|gf|grams|kgf|kg|n|lbf|v|mv|a|ma)")
 
 _ONE_OF_TWO = re.compile(r"(?i)powertrain 1\s*-?\s*")
-"""Before the names of the first of the motors that a stand of Tyto can have."""
+"""Before the names of a motor, where a thrust stand can hold two."""
 _PER_CENT = re.compile(rb"(?<=\d) ?%(?=\"?\s*[,;\t\r\n])")
 _NUMBERED = re.compile(r"([a-z]+)_?(?:m|motor)?_?(\d)")
 _PULSED = ("us", "%")
