@@ -32,6 +32,7 @@ BAND_HZ = setting("vehicle.motion_sums.band_hz")
 EDGE_S = number("vehicle.motion_sums.edge_s")
 EDGE_SHARE = number("vehicle.motion_sums.edge_share")
 SHORTEST_S = number("vehicle.motion_sums.shortest_s")
+LEAST_S = number("vehicle.motion_sums.least_s")
 GROUND_S = number("vehicle.motion_sums.ground_s")
 HOVER_M_S = number("vehicle.motion_sums.hover_m_s")
 IDLE = number("vehicle.motion_sums.idle")
@@ -106,10 +107,11 @@ def lagged(thrust: np.ndarray, lag_s: float) -> np.ndarray:
     return np.asarray(lfilter([1.0 - keep], [1.0, -keep], thrust, axis=0, zi=keep * thrust[:1])[0])
 
 
-def motion_sums(case: Case, vehicle: Vehicle, curve: np.ndarray, lag_s: float) -> MotionSums | None:
+def motion_sums(case: Case, vehicle: Vehicle, curve: np.ndarray, lag_s: float,
+                shortest_s: float = SHORTEST_S) -> MotionSums | None:
     """Of the inner spans of a flight; None where none is long enough. curve (K,) N/V^k of one motor."""
     parts = [_of_span(signals(case.flight, span, vehicle.gravity_m_s2), vehicle, curve, lag_s)
-             for span in inner_spans(case)]
+             for span in inner_spans(case, shortest_s=shortest_s)]
     if not parts:
         return None
     seconds = np.array([part.seconds for part in parts])

@@ -87,6 +87,12 @@ def test_too_little_is_refused(cases):
         fit_vehicle([replace(cases[0], spans=cases[0].spans[:0])])
 
 
+def test_flights_of_four_seconds_are_enough_where_none_is_longer(cases, fitted):
+    short = [replace(case, spans=(Span(4.0, 8.0),)) for case in cases]
+    scale = fit_vehicle(short).parameters["thrust_scale.s"].value
+    assert scale == pytest.approx(fitted.parameters["thrust_scale.s"].value, rel=0.02)
+
+
 def test_flights_that_hardly_move_are_said(cases, fitted):
     """Hover: the first seconds of a flight, before its path."""
     def note(found):
