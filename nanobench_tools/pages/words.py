@@ -17,7 +17,9 @@ Words = list[str | list[str]]
 
 PEOPLE = {"pid": "PID", "mellinger": "Mellinger", "onboard_ekf": "onboard EKF", "naive": "standing still",
           "fit_observed": "all terms, from all streams before", "fit_balanced": "all terms, from the inputs before",
-          "fit_thrust_voltage": "thrust from PWM and voltage", "published_physics": "published physics"}
+          "fit_thrust_voltage": "thrust from PWM and voltage", "published_physics": "published physics",
+          "published_physics_ratio2": "published physics, parameters as released",
+          "fit_vehicle": "a physical vehicle, which is exported"}
 """Names as people write them."""
 MOSTLY = 0.8
 """An error of which re-timing leaves less than this share is largely a clock: a convention."""

@@ -63,6 +63,8 @@ def _scales(context: Context) -> list[str]:
         force is not None and bool(np.isfinite(force.ratio[:2]).any()))
     if name in streams and not shown:
         found[name] = [*(q for q in place if q in streams[name]), "t"]
+    elif name in streams and (force is None or not np.isfinite(force.ratio[2])):
+        found[name] = [q for q in place[2:] if q in streams[name]]  # a tilt shows the horizontal alone
     elif name not in streams and "imu" in streams and not {("imu", q) for q in GYRO} & _shown(context):
         found["imu"] = ["t"]
     return [f"scale of {', '.join(quantities)} ({name})" for name, quantities in found.items() if quantities]

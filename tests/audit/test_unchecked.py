@@ -39,7 +39,8 @@ def test_poses_alone_leave_their_axes_open(crowd):
     poses = crowd.log("fast figure_eight")[0]["mocap"]
     names = ("px", "py", "pz", "qx", "qy", "qz", "qw")
     mocap = make_stream("mocap", poses.time_s, poses[names], names)
-    (entry,) = audit(Flight("poses", {"mocap": mocap}, {}, Provenance("made", "", "test"))).unchecked
+    entry, scale = audit(Flight("poses", {"mocap": mocap}, {}, Provenance("made", "", "test"))).unchecked
+    assert scale == "scale of pz (mocap)"  # its tilt shows the others
     assert entry.startswith("sign and axis of")
     assert "px" not in entry
     assert "qz" in entry

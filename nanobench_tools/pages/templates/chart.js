@@ -121,7 +121,8 @@ const nanobench = (() => {
     const units = new Map(figure.panels.flatMap((panel, k) => (panel.timed ? [[`x${numbered(k)}`, panel.unit]] : [])));
     const told = place.data.filter(trace => units.has(trace.xaxis) && trace.name && trace.type !== "bar" && trace.line.width >= 1);
     const titles = new Map(figure.panels.map((panel, k) => [`x${numbered(k)}`, (place.layout[`yaxis${numbered(k)}`]?.title?.text ?? "").replace(/ \[.*$/, "")]));
-    const label = s => (told.some(other => other !== s && other.meta === s.meta) && titles.get(s.xaxis)) || s.meta;
+    const shares = (s, key) => told.some(other => other !== s && other[key] === s[key]);
+    const label = s => (!shares(s, "meta") ? s.meta : shares(s, "xaxis") ? `${s.meta} ${titles.get(s.xaxis)}` : titles.get(s.xaxis) || s.meta);
     const lines = place.layout.shapes.length - units.size;
     let waiting = false;
     const move = () => {
