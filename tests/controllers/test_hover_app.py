@@ -117,7 +117,7 @@ def test_c_flies_a_path_as_python_commands(library):
 
 @pytest.mark.slow
 def test_c_commands_as_python_where_motors_are_at_their_bounds_and_in_a_long_flight(library):
-    for family, speed, seconds, least in (("random_waypoints", 1.0, 8.0, 50), ("figure_eight", 0.5, 60.0, 0)):
+    for family, speed, seconds, least in (("random_waypoints", 1.0, 8.0, 50), ("figure_eight", 0.5, 30.0, 0)):
         twins, _ = flight(library, family, speed, seconds)
         assert twins.differences().max() < WITHIN
         assert np.count_nonzero(np.array(twins.outcomes) == BOUNDED) >= least

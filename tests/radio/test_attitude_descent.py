@@ -56,9 +56,9 @@ class LostWorld(VirtualWorld):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("controller", ALL)
-def test_a_vehicle_that_lost_poses_and_estimate_comes_down_near_where_it_was(controller):
+def test_a_vehicle_that_lost_poses_and_estimate_comes_down_near_where_it_was(short_phases, controller):
     """By its own planner it gets 2.2 to 2.5 m further, as its estimate has lost the speed."""
-    world = LostWorld()
+    world = LostWorld(after_s=4.5)
     path = chosen_path("circle", 1.0, 0.6, 8.0)
     with world.served() as uri:
         outcome = fly_session(Request(path, pilot_for(controller, None, None), Limits(), uri, world, (),
