@@ -35,9 +35,9 @@ VOLTAGES: tuple[Colour, ...] = ("red", "orange", "green", "sky", "blue")
 UNITS = {"stand": (1e3, "mN per motor", 2), "flight": (1.0, "m/s²", 4)}
 
 
-def thrust_page(found: ThrustResult, synthetic: bool) -> str:
-    """The page as text. ``synthetic``: every caption says so."""
-    parts = [part(kind, mine, [r for r in found.rows if r.kind == kind])
+def thrust_page(found: ThrustResult, synthetic: bool, assumed: str = "") -> str:
+    """The page as text. ``synthetic``: every caption says so; ``assumed``: see ``ThrustFormula.described``."""
+    parts = [part(kind, mine, [r for r in found.rows if r.kind == kind], assumed)
              for kind, mine in (("stand", found.stand), ("flight", found.flight)) if mine is not None]
     drawings = {f"{p['kind']}-{name}": figure for p in parts for name, figure in (p["lead"] | p["figures"]).items()}
     return environment(breakable=breakable, dash=DASH).get_template("thrust.html").render(
@@ -46,7 +46,7 @@ def thrust_page(found: ThrustResult, synthetic: bool) -> str:
         failed=[], data=compressed({name: spec(figure) for name, figure in drawings.items()}))
 
 
-def part(kind: str, mine: StandResult | FlightResult, rows: Sequence[ErrorRow]) -> dict[str, Any]:
+def part(kind: str, mine: StandResult | FlightResult, rows: Sequence[ErrorRow], assumed: str = "") -> dict[str, Any]:
     """What the page says and draws of one kind."""
     factor, unit, digits = UNITS[kind]
     before = getattr(mine, "as_recorded", None)
@@ -63,7 +63,7 @@ def part(kind: str, mine: StandResult | FlightResult, rows: Sequence[ErrorRow]) 
             "firmware_note": "" if chosen is None else chosen.firmware_note,
             "terms_mN": None if chosen is None else f"{1e3 * chosen.terms_rms_N:.2f}", "figures": drawn, "lead": lead,
             "formula": "" if chosen is None else chosen.formula.text, "symbols": MEANING,
-            "levels": "" if chosen is None else chosen.formula.sentence}
+            "levels": "" if chosen is None else chosen.formula.described(assumed)}
 
 
 def figures(kind: str, mine: StandResult | FlightResult) -> dict[str, Drawing]:

@@ -55,9 +55,9 @@ def thrust(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
         parts = ([f for f, known in zip(flights, inside, strict=True) if known],
                  [f for f, known in zip(flights, inside, strict=True) if not known])
     found, kinds = thrust_maps(options, flights, parts, mass_kg)
-    if options.out is not None:
-        _write(options, options.out, found)
     assumed = "--mass" if mass is None else ""
+    if options.out is not None:
+        _write(options, options.out, found, assumed)
     why, command = ("see it", shown_page(options.out / "thrust.html")) if options.out is not None else (
         "as files", tuple(again("--out", "thrust")))
     close(options, thrust_sentence(found), why, *command,
@@ -66,7 +66,7 @@ def thrust(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
     return options.finish("thrust", to_json(found))
 
 
-def _write(options: Options, out: Path, found: ThrustResult) -> None:
+def _write(options: Options, out: Path, found: ThrustResult, assumed: str) -> None:
     from identification.thrust.thrust_page import thrust_page
 
     from ..results.result_files import write_bytes
@@ -77,7 +77,7 @@ def _write(options: Options, out: Path, found: ThrustResult) -> None:
         write_bytes(out / "terms.toml", first.chosen.toml.encode())
         if first.chosen.firmware:
             write_bytes(out / "thrust_firmware.h", first.chosen.firmware.encode())
-    page = thrust_page(found, options.synthetic)
+    page = thrust_page(found, options.synthetic, assumed)
     write_bytes(out / "thrust.html", page.encode(errors="replace"))
     options.say(f"{out / 'thrust.html'} ({len(page) / 1e6:.1f} MB)")
 

@@ -130,8 +130,8 @@ class Options:
         first = f"{places[0]}{f' and {len(places) - 1} more' if len(places) > 1 else ''}"
         self.say(f"{_kinds(flights)} from {first} in {elapsed:.1f} s"
                  + (f", {len(failed)} files failed" if failed else ""))
-        said = [line for flight in flights for line in (
-            _topics(flight) if flight.metadata.get("topics") else _read_as(flight))]
+        said = [line for flight in flights if flight.metadata.get("topics") for line in _topics(flight)]
+        said += _read_as([flight for flight in flights if not flight.metadata.get("topics")])
         for line in said[:MOST_TOPICS]:
             self.say(line)
         return flights
@@ -324,9 +324,14 @@ def _topics(flight: Flight) -> list[str]:
                                           if any(word in note for word in SAID_OF_BAGS))]
 
 
-def _read_as(flight: Flight) -> list[str]:
-    """What a source decided about frames and streams of its recording."""
-    return [f"{flight.name}: {sentence}" for sentence in flight.metadata.get("read_as") or ()]
+def _read_as(flights: Sequence[Flight]) -> list[str]:
+    """What a source decided about frames and streams of its recordings, each sentence once."""
+    of: dict[str, list[str]] = {}
+    for flight in flights:
+        for sentence in flight.metadata.get("read_as") or ():
+            of.setdefault(sentence, []).append(flight.name)
+    return [f"{names[0]}{f' and {len(names) - 1} more' if len(names) > 1 else ''}: {sentence}"
+            for sentence, names in of.items()]
 
 
 def _kinds(flights: Sequence[Flight]) -> str:
