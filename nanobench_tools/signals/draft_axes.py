@@ -185,7 +185,12 @@ def _angle_signs(draft: Draft, values: Mapping[str, np.ndarray], step_s: float) 
         return
     against = [axis for axis, sign in enumerate(found.sign) if sign < 0]
     if against == [ANGLES.index("pitch")] and found.sign[0] > 0:
-        _turn_pitch(draft, "the gyro turns the other way")
+        follows = _follows(draft, values, angles, step_s)
+        if follows and follows[AS_STORED] > max(FITS, follows["", 1.0, -1.0] + CLEARLY):
+            draft.ask([("imu", "gyro_y")], "it turns against the pitch, with which the vehicle speeds up towards its "
+                      "tilt; write sign = -1 there if it is negated")
+        else:
+            _turn_pitch(draft, "the gyro turns the other way")
     elif against:
         unclear = [axis for axis, sign in enumerate(found.sign) if sign == 0]
         draft.ask([key for axis in sorted([*against, *unclear])

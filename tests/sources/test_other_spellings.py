@@ -236,6 +236,16 @@ def test_path_or_accelerometer_show_the_sign_of_a_pitch(tmp_path, path, force):
     assert not any("positive nose down" in note for note in draft.notes)
 
 
+def test_a_negated_gyro_is_a_question_where_the_path_shows_the_pitch(tmp_path):
+    t, p, _, _, turn, w = flown()
+    draft = draft_columns(written(tmp_path, {
+        "t": t, **vector(("px", "py", "pz"), p), **vector(("roll", "pitch", "yaw"), turn.as_euler("ZYX")[:, ::-1]),
+        **vector(("gyro_x", "gyro_y", "gyro_z"), w * [1.0, -1.0, 1.0])}))
+    assert ("imu", "gyro_y") not in draft.mapped
+    assert "gyro_y: it turns against the pitch" in draft.questions[0]
+    assert "sign" not in draft.text.split("pitch = ")[1].splitlines()[0]
+
+
 def test_angles_and_gyro_alone_leave_both_signs_assumed(tmp_path):
     draft = aviation(tmp_path, path=False)
     assert {draft.status[c] for c in ("theta", "psi", "q", "r")} == {"assumed"}
