@@ -47,7 +47,7 @@ _AXES = ("NED", "ENU", "NWU")
 _GREEK = {"phi": "roll", "theta": "pitch", "psi": "yaw"}
 _BODY_RATES = {"p": "x", "q": "y", "r": "z"}
 _TIME = {"t", "time", "timestamp", "timestamps", "stamp", "ts", "sec", "secs", "seconds", "datetime", "elapsed",
-         "boot", "utime"}
+         "boot", "utime", "zeit"}
 _NO_PLACE = _MOTOR | _SPEED | _BATTERY | _THRUST | _TIME - {"t"} | {"imu", "sensor", "ang", "angular", "lin", "linear",
                                                                     "b"}
 """Words of vectors that are no positions, where they have a direction."""

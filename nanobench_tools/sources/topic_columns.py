@@ -1,5 +1,6 @@
 """Columns of several topics of PX4 or messages of MAVLink in one table: ``vehicle_local_position.x``,
-``vehicle_attitude_0_q[1]``, ``/vehicle_attitude.00/q.01``, ``LOCAL_POSITION_NED.x``."""
+``vehicle_attitude_0_q[1]``, ``/vehicle_attitude.00/q.01``, ``/fmu/out/vehicle_attitude/q[1]`` of ROS 2,
+``LOCAL_POSITION_NED.x``."""
 
 from __future__ import annotations
 
@@ -8,6 +9,8 @@ from collections.abc import Iterable
 
 from .known import Known, ecosystem
 
+_OF_ROS = re.compile(r"(?:.*/)?fmu/(?:in|out)/|/")
+"""Before the topic, where ROS 2 carries it."""
 _BEHIND = re.compile(r"(?:[._]\d+)?[./_](?=[A-Za-z])(.+)")
 """Behind the topic: number of the instance, and the field."""
 _ELEMENT = re.compile(r"[._]0*(\d+)$")
@@ -26,7 +29,7 @@ def topic_columns(columns: Iterable[str]) -> dict[str, tuple[Known, str]]:
     found: dict[str, tuple[Known, str]] = {}
     for known in ecosystem("px4").names:
         for column in columns if known.topic else ():
-            bare = column.removeprefix("/")
+            bare = column[match.end():] if (match := _OF_ROS.match(column)) else column
             if bare.startswith(known.topic) and _is(known, bare.removeprefix(known.topic)):
                 found.setdefault(column, (known, f"PX4 topic {known.topic}"))
     of_message = {c: ((match[1] or match[2]).upper(), c[match.end():]) for c in columns if (match := _MAVLINK.match(c))}

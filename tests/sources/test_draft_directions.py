@@ -215,7 +215,8 @@ def test_angles_of_that_spelling_alone_do_not_make_an_ardupilot_table(tmp_path):
 
 @pytest.mark.parametrize(("name", "element"), [
     ("vehicle_local_position.x", "vehicle_attitude.q[1]"), ("vehicle_local_position_0_x", "vehicle_attitude_0_q[1]"),
-    ("/vehicle_local_position.00/x", "/vehicle_attitude.00/q.01")])
+    ("/vehicle_local_position.00/x", "/vehicle_attitude.00/q.01"),
+    ("/fmu/out/vehicle_local_position/x", "/uav/fmu/out/vehicle_attitude/q[1]")])
 def test_px4_topics_in_one_table_are_the_vehicles_estimate(tmp_path, name, element):
     t, p, _, _, turn, w = flown()
     of = Rotation.from_matrix(TO_NED @ turn.as_matrix() @ np.diag(DOWN)).as_quat()
