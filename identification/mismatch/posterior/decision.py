@@ -24,9 +24,12 @@ NAMED = number("posterior.decision.named")
 LEANING = number("posterior.decision.leaning")
 KINDS = count("posterior.decision.kinds")
 """Kinds of effects that one finding may leave open."""
+SPOILT = number("posterior.decision.spoilt")
+"""Times the error of predictions without an effect, above which it is none."""
 ALWAYS = ("mass", "thrust_scale")
 """Terms that act at any speed alike."""
 IN_MOTION = "at rest less than half of it is there"
+SPOILS = "with it, flights that were left out are predicted much worse"
 BEYOND = "its best size lies on a bound of what such a vehicle can have"
 SHOWS = 0.3
 """An effect shows along an axis from this share of its strongest one on."""
@@ -71,18 +74,19 @@ class Decision:
 
 
 def decide(case: Case, judge: Callable[[Refined, Refined], float],
+           spoils: Callable[[Refined, Refined], float] = lambda found, without: 0.0,
            again: Callable[[Model], Iterable[frozenset[str]]] | None = None) -> Decision:
     """Identify the classes of effects whose probability reaches NAMED.
 
-    ``judge`` compares predictions of left-out flights: log likelihood of the first sizes over the second. ``again``
-    returns the terms of each finding in a corrected simulator. With ``again``, only the largest of several effects
-    is identified at once. The others must be identified again after the largest is corrected, since slopes far from the
-    truth suggest effects that do not exist.
+    ``judge`` compares predictions of left-out flights: log likelihood of the first sizes over the second. ``spoils``
+    returns the mean log of the ratio of their errors. ``again`` returns the terms of each finding in a corrected
+    simulator. With ``again``, only the largest of several effects is identified at once. The others must be identified
+    again after the largest is corrected, since slopes far from the truth suggest effects that do not exist.
     """
     evidence, rejected = case.evidence, dict[str, str]()
     while True:
         weighing = Weighing(case, judge)
-        best, posterior, unsure = _certain_of_size(weighing)
+        best, posterior, unsure = _certain_of_size(weighing, spoils)
         rejected |= unsure
         sizes = weighing.sizes(best)
         beyond = {case.effects[i].term: BEYOND for i in best if on_bound(case, i, sizes)}
@@ -128,11 +132,13 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
                     tuple(left_open.values()))
 
 
-def _certain_of_size(weighing: Weighing) -> tuple[tuple[int, ...], dict[tuple[int, ...], float], dict[str, str]]:
-    """Most probable set whose effects all differ from the simulator, the probabilities, and {term: reason} of others.
+def _certain_of_size(weighing: Weighing, spoils: Callable[[Refined, Refined], float]
+                     ) -> tuple[tuple[int, ...], dict[tuple[int, ...], float], dict[str, str]]:
+    """Most probable set whose effects all differ from the simulator and spoil no prediction, the probabilities, and
+    {term: reason} of others.
 
-    Only predictions favour those others; the residual does not show them. One is left out at a time: two that are
-    alike are both uncertain until one has gone.
+    Only predictions favour those others, and the residual does not show them, or the reverse. One is left out at a
+    time: two that are alike are both uncertain until one has gone.
     """
     case, unsure = weighing.case, dict[str, str]()
     while True:
@@ -141,7 +147,9 @@ def _certain_of_size(weighing: Weighing) -> tuple[tuple[int, ...], dict[tuple[in
         found = weighing.sizes(best)
         least = min(best, key=lambda i: certainty(case, i, found), default=None)
         why = None if least is None else uncertain(case, least, found)
-        if least is None or why is None:
+        if why is None:
+            least, why = _spoiling(weighing, best, spoils), SPOILS
+        if least is None:
             return best, posterior, unsure
         term = case.effects[least].term
         unsure[term] = why
@@ -161,6 +169,14 @@ def _standing(weighing: Weighing, chosen: tuple[int, ...], rejected: dict[str, s
         rejected |= {case.effects[i].term: why for i, why in said.items()}
         found = weighing.sizes(tuple(i for i in found.chosen if i not in said))
     return found
+
+
+def _spoiling(weighing: Weighing, chosen: tuple[int, ...], spoils: Callable[[Refined, Refined], float]) -> int | None:
+    """The effect of a set without which predictions get better most, if that is much."""
+    found = weighing.sizes(chosen)
+    gained = {i: spoils(found, weighing.sizes(tuple(j for j in chosen if j != i))) for i in chosen}
+    most = max(chosen, key=lambda i: gained[i], default=None)
+    return most if most is not None and gained[most] > np.log(SPOILT) else None
 
 
 def _by_term(case: Case, posterior: Mapping[tuple[int, ...], float]) -> dict[str, float]:

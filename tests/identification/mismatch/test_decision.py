@@ -93,10 +93,18 @@ def test_an_effect_that_only_predictions_speak_for_gives_way(monkeypatch):
     for module in (decision, certainty):
         monkeypatch.setattr(module, "certainty", lambda case, i, found: sizes[i].share)
     weighed = weighing.Weighing(case, lambda one, other: {(0,): 30.0, (1,): 20.0}.get(one, 0.0))
-    best, posterior, unsure = decision._certain_of_size(weighed)
+    best, posterior, unsure = decision._certain_of_size(weighed, lambda found, without: 0.0)
     assert best == (1,)
     assert set(posterior) == {(), (1,)}
     assert unsure == {"wind": "the 95 % interval includes the simulator's value: x 0.1 +- 0.5 m/s"}
+
+
+@pytest.mark.parametrize(("errors", "goes"), [((1.4, 1.3), None), ((1.6, 1.3), 0), ((1.6, 1.7), 1)])
+def test_the_effect_that_spoils_predictions_most_goes(errors, goes):
+    """Times the error without each of two effects. From 1.5 on it is none."""
+    weighed = SimpleNamespace(sizes=lambda chosen: chosen)
+    assert decision._spoiling(weighed, (0, 1), lambda found, without: np.log(errors[1 - without[0]])) == goes
+    assert decision._spoiling(weighed, (), lambda found, without: 9.0) is None
 
 
 def test_an_effect_that_gave_way_does_not_come_back_for_one_on_its_bound(monkeypatch):
@@ -110,7 +118,8 @@ def test_an_effect_that_gave_way_does_not_come_back_for_one_on_its_bound(monkeyp
     monkeypatch.setattr(indistinguishable, "on_bound", lambda case, i, found: i == 1)
     monkeypatch.setattr(decision, "certainty", lambda case, i, found: float(i))
     monkeypatch.setattr(decision, "uncertain", lambda case, i, found: None if i else "uncertain")
-    best, _, unsure = decision._certain_of_size(weighing.Weighing(case, lambda one, other: 0.0))
+    best, _, unsure = decision._certain_of_size(weighing.Weighing(case, lambda one, other: 0.0),
+                                                 lambda found, without: 0.0)
     assert (best, unsure) == ((1,), {"wind": "uncertain"})
 
 

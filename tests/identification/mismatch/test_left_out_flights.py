@@ -64,3 +64,20 @@ def test_turning_speaks_neither_for_a_sluggish_vehicle_nor_next_to_set_points(te
     predictions.windows = np.array([3.0])
     predictions.of = lambda found: errors[found.chosen]
     assert predictions.likelihood(*(SimpleNamespace(chosen=c) for c in ((0,), ()))) == pytest.approx(nats)
+
+
+@pytest.mark.parametrize(("term", "worse", "log"), [
+    ("drag_torque", TURNING, np.log(3.0)), ("inertia", TURNING, 0.0), ("inertia", PATH, np.log(3.0)),
+    ("mass", PATH, np.log(3.0))])
+def test_what_predicts_three_times_worse_is_seen(term, worse, log):
+    """Nothing is known of the third quantity; the other flight is not predicted at all."""
+    errors = {(0,): np.ones((2, 3, 4)), (0, 1): np.ones((2, 3, 4))}
+    errors[0, 1][..., worse] = 3.0
+    for each in errors.values():
+        each[1], each[0, :, 2] = 0.0, np.nan
+    case = SimpleNamespace(effects=[SimpleNamespace(term=t) for t in ("motor_lag", term)])
+    predictions = Predictions(case, ["a", "b"], 0)
+    predictions.of = lambda found: errors[found.chosen]
+    with_it, without = (SimpleNamespace(chosen=c) for c in ((0, 1), (0,)))
+    assert predictions.spoils(with_it, without) == pytest.approx(log)
+    assert predictions.spoils(without, with_it) <= 0.0
