@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,10 +26,13 @@ KINDS = count("posterior.decision.kinds")
 """Kinds of effects that one finding may leave open."""
 SPOILT = number("posterior.decision.spoilt")
 """Times the error of predictions without an effect, above which it is none."""
+MENDED = number("posterior.decision.mended")
+"""The same, above which an effect is none where the evidence already favoured another that spoilt predictions."""
 ALWAYS = ("mass", "thrust_scale")
 """Terms that act at any speed alike."""
 IN_MOTION = "at rest less than half of it is there"
 SPOILS = "with it, flights that were left out are predicted much worse"
+NOT_MENDED = "with it, flights that were left out are predicted no better, where another effect spoils predictions"
 BEYOND = "its best size lies on a bound of what such a vehicle can have"
 SHOWS = 0.3
 """An effect shows along an axis from this share of its strongest one on."""
@@ -74,19 +77,19 @@ class Decision:
 
 
 def decide(case: Case, judge: Callable[[Refined, Refined], float],
-           spoils: Callable[[Refined, Refined], float] = lambda found, without: 0.0,
+           worse: Callable[[Refined, Refined], Sequence[float]] = lambda found, without: (0.0,),
            again: Callable[[Model], Iterable[frozenset[str]]] | None = None) -> Decision:
     """Identify the classes of effects whose probability reaches NAMED.
 
-    ``judge`` compares predictions of left-out flights: log likelihood of the first sizes over the second. ``spoils``
-    returns the mean log of the ratio of their errors. ``again`` returns the terms of each finding in a corrected
+    ``judge`` compares predictions of left-out flights: log likelihood of the first sizes over the second. ``worse``
+    returns mean logs of the ratios of their errors. ``again`` returns the terms of each finding in a corrected
     simulator. With ``again``, only the largest of several effects is identified at once. The others must be identified
     again after the largest is corrected, since slopes far from the truth suggest effects that do not exist.
     """
     evidence, rejected = case.evidence, dict[str, str]()
     while True:
         weighing = Weighing(case, judge)
-        best, posterior, unsure = _certain_of_size(weighing, spoils)
+        best, posterior, unsure = _certain_of_size(weighing, worse)
         rejected |= unsure
         sizes = weighing.sizes(best)
         beyond = {case.effects[i].term: BEYOND for i in best if on_bound(case, i, sizes)}
@@ -132,15 +135,16 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
                     tuple(left_open.values()))
 
 
-def _certain_of_size(weighing: Weighing, spoils: Callable[[Refined, Refined], float]
+def _certain_of_size(weighing: Weighing, worse: Callable[[Refined, Refined], Sequence[float]]
                      ) -> tuple[tuple[int, ...], dict[tuple[int, ...], float], dict[str, str]]:
     """Most probable set whose effects all differ from the simulator and spoil no prediction, the probabilities, and
     {term: reason} of others.
 
     Only predictions favour those others, and the residual does not show them, or the reverse. One is left out at a
-    time: two that are alike are both uncertain until one has gone.
+    time: two that are alike are both uncertain until one has gone. If one spoilt predictions, the evidence of the
+    residual is misleading, and what is left has to improve them.
     """
-    case, unsure = weighing.case, dict[str, str]()
+    case, unsure, misled = weighing.case, dict[str, str](), False
     while True:
         posterior = weighing.weigh()
         best = inside_bounds(weighing, max(posterior, key=lambda s: posterior[s]))
@@ -148,7 +152,8 @@ def _certain_of_size(weighing: Weighing, spoils: Callable[[Refined, Refined], fl
         least = min(best, key=lambda i: certainty(case, i, found), default=None)
         why = None if least is None else uncertain(case, least, found)
         if why is None:
-            least, why = _spoiling(weighing, best, spoils), SPOILS
+            least, why = _spoiling(weighing, best, worse, misled), NOT_MENDED if misled else SPOILS
+            misled = True
         if least is None:
             return best, posterior, unsure
         term = case.effects[least].term
@@ -171,12 +176,17 @@ def _standing(weighing: Weighing, chosen: tuple[int, ...], rejected: dict[str, s
     return found
 
 
-def _spoiling(weighing: Weighing, chosen: tuple[int, ...], spoils: Callable[[Refined, Refined], float]) -> int | None:
-    """The effect of a set without which predictions get better most, if that is much."""
+def _spoiling(weighing: Weighing, chosen: tuple[int, ...], worse: Callable[[Refined, Refined], Sequence[float]],
+              misled: bool) -> int | None:
+    """The effect of a set without which predictions get better most, if it spoils them; if ``misled``, also if it does
+    not improve them."""
     found = weighing.sizes(chosen)
-    gained = {i: spoils(found, weighing.sizes(tuple(j for j in chosen if j != i))) for i in chosen}
-    most = max(chosen, key=lambda i: gained[i], default=None)
-    return most if most is not None and gained[most] > np.log(SPOILT) else None
+    errors = {i: worse(found, weighing.sizes(tuple(j for j in chosen if j != i))) for i in chosen}
+    most = max(chosen, key=lambda i: max(errors[i]), default=None)
+    limits = np.log(SPOILT), np.log(MENDED)
+    if most is not None and max(errors[most]) > limits[0]:
+        return most
+    return next((i for i in chosen if min(errors[i]) > limits[1]), None) if misled else None
 
 
 def _by_term(case: Case, posterior: Mapping[tuple[int, ...], float]) -> dict[str, float]:

@@ -63,9 +63,9 @@ class Predictions:
             self._known[key] = self._errors(found)
         return self._known[key]
 
-    def spoils(self, found: Refined, without: Refined) -> float:
-        """Mean log of the ratio of errors with an effect to those without it: of the path, or of turning if that gets
-        worse. Turning does not count for an effect that can make a vehicle sluggish.
+    def worse(self, found: Refined, without: Refined) -> tuple[float, ...]:
+        """Mean logs of the ratio of errors with an effect to those without it: of the path, and of turning. That does
+        not count for an effect that can make a vehicle sluggish.
 
         Evidence of a residual can be large for an effect that only opposes physics without a name. Predictions know
         nothing of such physics.
@@ -73,7 +73,7 @@ class Predictions:
         before, after = (np.where(e > 0.0, e, np.nan)[:, JUDGED] for e in (self.of(without), self.of(found)))
         sluggish = SLUGGISH & {self.case.effects[i].term for i in {*found.chosen} ^ {*without.chosen}}
         ratios = [np.log(after / before)[..., kind] for kind in (KINDS[:1] if sluggish else KINDS)]
-        return max(float(part[np.isfinite(part)].mean()) if np.isfinite(part).any() else 0.0 for part in ratios)
+        return tuple(float(part[np.isfinite(part)].mean()) if np.isfinite(part).any() else 0.0 for part in ratios)
 
     def judge(self, one: Refined, other: Refined) -> float:
         """``likelihood``; 0 where nothing can be left out."""

@@ -51,9 +51,9 @@ def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
 
     def again(corrected: Model) -> list[frozenset[str]]:
         beside, ahead = weighed(recordings, wrench, corrected, seed)
-        return [frozenset((f.term, *f.equivalent)) for f in decide(beside, ahead.judge, ahead.spoils).findings]
+        return [frozenset((f.term, *f.equivalent)) for f in decide(beside, ahead.judge, ahead.worse).findings]
 
-    decision = decide(case, predictions.judge, predictions.spoils, again)
+    decision = decide(case, predictions.judge, predictions.worse, again)
     improvement = predictions.improvement(decision.found)
     repeat = repeat_of(case, decision.found)
     body = body_of(case, decision, improvement, repeat, recordings, floor_of(simulator, recordings.tracks, seed))

@@ -93,7 +93,7 @@ def test_an_effect_that_only_predictions_speak_for_gives_way(monkeypatch):
     for module in (decision, certainty):
         monkeypatch.setattr(module, "certainty", lambda case, i, found: sizes[i].share)
     weighed = weighing.Weighing(case, lambda one, other: {(0,): 30.0, (1,): 20.0}.get(one, 0.0))
-    best, posterior, unsure = decision._certain_of_size(weighed, lambda found, without: 0.0)
+    best, posterior, unsure = decision._certain_of_size(weighed, lambda found, without: (0.0,))
     assert best == (1,)
     assert set(posterior) == {(), (1,)}
     assert unsure == {"wind": "the 95 % interval includes the simulator's value: x 0.1 +- 0.5 m/s"}
@@ -103,8 +103,27 @@ def test_an_effect_that_only_predictions_speak_for_gives_way(monkeypatch):
 def test_the_effect_that_spoils_predictions_most_goes(errors, goes):
     """Times the error without each of two effects. From 1.5 on it is none."""
     weighed = SimpleNamespace(sizes=lambda chosen: chosen)
-    assert decision._spoiling(weighed, (0, 1), lambda found, without: np.log(errors[1 - without[0]])) == goes
-    assert decision._spoiling(weighed, (), lambda found, without: 9.0) is None
+    assert decision._spoiling(weighed, (0, 1), lambda found, without: (0.0, np.log(errors[1 - without[0]])),
+                              False) == goes
+    assert decision._spoiling(weighed, (), lambda found, without: (9.0,), True) is None
+
+
+@pytest.mark.usefixtures("nothing_cancels")
+@pytest.mark.parametrize(("mass", "wind", "best"), [(1.4, 1.0, (0,)), (1.6, 0.8, (1,)), (1.6, 1.0, ())])
+def test_after_one_that_spoilt_predictions_others_have_to_improve_them(monkeypatch, mass, wind, best):
+    """A mass has more evidence than a wind; numbers are times the errors of no effect."""
+    monkeypatch.setattr(weighing, "PREDICTED", 0)
+    sets = {(): 0.0, (0,): 90.0, (1,): 40.0}
+    case = SimpleNamespace(evidence=SimpleNamespace(sets=sets, score=sets.__getitem__),
+                           effects=[SimpleNamespace(term=t, far=False) for t in ("mass", "wind")])
+    monkeypatch.setattr(weighing.Weighing, "sizes", lambda self, chosen: chosen)
+    monkeypatch.setattr(decision, "inside_bounds", lambda weighed, best: best)
+    monkeypatch.setattr(decision, "certainty", lambda case, i, found: 9.0)
+    monkeypatch.setattr(decision, "uncertain", lambda case, i, found: None)
+    weighed = weighing.Weighing(case, lambda one, other: 0.0)
+    errors = {(): 1.0, (0,): mass, (1,): wind}
+    found = decision._certain_of_size(weighed, lambda found, without: (np.log(errors[found] / errors[without]), 0.0))
+    assert found[0] == best
 
 
 def test_an_effect_that_gave_way_does_not_come_back_for_one_on_its_bound(monkeypatch):
@@ -119,7 +138,7 @@ def test_an_effect_that_gave_way_does_not_come_back_for_one_on_its_bound(monkeyp
     monkeypatch.setattr(decision, "certainty", lambda case, i, found: float(i))
     monkeypatch.setattr(decision, "uncertain", lambda case, i, found: None if i else "uncertain")
     best, _, unsure = decision._certain_of_size(weighing.Weighing(case, lambda one, other: 0.0),
-                                                 lambda found, without: 0.0)
+                                                 lambda found, without: (0.0,))
     assert (best, unsure) == ((1,), {"wind": "uncertain"})
 
 

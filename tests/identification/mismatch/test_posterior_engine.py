@@ -140,7 +140,7 @@ def test_the_page_of_a_verdict_is_written(too_heavy, flown):
 @pytest.mark.slow
 def test_of_two_effects_the_smaller_one_has_to_be_named_again(pushed_and_heavy, again, left):
     case, ahead = pushed_and_heavy
-    found = decide(case, ahead.judge, ahead.spoils, lambda corrected: again)
+    found = decide(case, ahead.judge, ahead.worse, lambda corrected: again)
     assert len(found.findings) == left
     assert {"thrust_scale", "mass"} & {t for f in found.findings for t in (f.term, *f.equivalent)}
     if not again:
