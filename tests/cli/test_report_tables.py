@@ -202,9 +202,10 @@ def test_a_body_at_rest_is_no_flight_in_another_unit(tmp_path, monkeypatch, nois
     assert not recordings.failed
 
 
-def test_several_bodies_are_named(tmp_path):
-    failed = load_recordings([motive(tmp_path / "take.csv", bodies=("cf1", "cf2"))], cache=False).failed
-    assert "cf1, cf2" in failed[0]["error"]
+def test_each_of_several_bodies_is_a_flight(tmp_path):
+    recordings = load_recordings([motive(tmp_path / "take.csv", bodies=("cf1", "cf2"))], cache=False)
+    assert [flight.name for flight in recordings.flights] == ["take.cf1", "take.cf2"]
+    assert not recordings.failed
 
 
 def test_vicon_tracker_with_quaternions(tmp_path):
