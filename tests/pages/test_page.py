@@ -53,6 +53,12 @@ def test_one_file_with_the_headings_and_nothing_to_fetch(real):
     assert not {"iframe", "object", "embed", "img"} & set(read.tags)
 
 
+def test_the_title_names_the_data_and_the_day(tmp_path, flights, results):
+    of_a_day = {name: {**body, "manifest": {"started": "2026-11-30T09:00:00"}} for name, body in results.items()}
+    text = write_report(tmp_path, of_a_day, flights, {}, synthetic=False).read_text("utf-8")
+    assert "<title>2 recordings of folder, 2026-11-30 - nanobench report</title>" in text
+
+
 def test_real_data_never_carry_the_label_and_simulated_ones_everywhere(real, tmp_path, flights, results):
     assert "synthetic" not in real.read_text("utf-8").lower()
     for table in real.parent.glob("*.tex"):
