@@ -39,10 +39,8 @@ class FolderSource(Source, Protocol):
 def members_of(files: Mapping[str, Path], wanted: Callable[[Sequence[str]], list[str]]) -> tuple[dict[str, bytes], str]:
     """Contents by name, of files or of the one archive among them, and where a packed file ends early. InputError that
     names the file."""
-    if len(files) == 1 and is_zip(path := next(iter(files.values()))):
-        stored = read_file(path)
-        if not only_member(stored):
-            return unzipped(stored, wanted(names_in(path)), str(path)), ""
+    if len(files) == 1 and is_zip(path := next(iter(files.values()))) and not only_member(path):
+        return unzipped(path, wanted(names_in(path)), str(path)), ""
     found = {name: unpack(read_file(path), str(path)) for name, path in files.items()}
     return {name: p.data for name, p in found.items()}, "; ".join(p.broken for p in found.values() if p.broken)
 

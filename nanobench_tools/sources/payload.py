@@ -16,7 +16,7 @@ import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from ..errors import InputError
 
@@ -125,8 +125,8 @@ def unpack(stored: bytes, place: str = "archive") -> Payload:
     """
     decoder = next((d for magic, d in _DECODERS.items() if stored.startswith(magic)), None)
     payload = Payload(stored) if decoder is None else _unpack_members(stored, decoder, place)
-    if stored.startswith(ZIP_MAGIC) and (name := only_member(stored)):
-        payload = Payload(unzipped(stored, [name], place)[name])
+    if stored.startswith(ZIP_MAGIC) and (name := only_member(io.BytesIO(stored))):
+        payload = Payload(unzipped(io.BytesIO(stored), [name], place)[name])
     return replace(payload, data=_as_utf_8(payload.data))
 
 
@@ -135,21 +135,21 @@ def _as_utf_8(data: bytes) -> bytes:
     return data.decode(encoding, errors="replace").encode() if encoding else data
 
 
-def only_member(stored: bytes) -> str:
+def only_member(stored: Path | BinaryIO) -> str:
     """Name of the file in a zip archive that has no other; "" for others."""
     try:
-        with zipfile.ZipFile(io.BytesIO(stored)) as archive:
+        with zipfile.ZipFile(stored) as archive:
             names = [n for n in archive.namelist() if not n.endswith("/") and not n.startswith("__MACOSX")]
     except UNREADABLE:
         return ""
     return names[0] if len(names) == 1 else ""
 
 
-def unzipped(stored: bytes, names: Sequence[str], place: str) -> dict[str, bytes]:
+def unzipped(stored: Path | BinaryIO, names: Sequence[str], place: str) -> dict[str, bytes]:
     """Contents of these files of a zip archive. InputError at ``place`` for one that is damaged or unpacks to far
     more than a recording."""
     try:
-        with zipfile.ZipFile(io.BytesIO(stored)) as archive:
+        with zipfile.ZipFile(stored) as archive:
             infos = [archive.getinfo(name) for name in names]
             total = sum(info.file_size for info in infos)
             if total > MOST_BYTES:
@@ -177,8 +177,8 @@ def head(path: Path) -> bytes:
     try:
         if decoder is not None:
             stored = decoder().decompress(read_file(path) if decoder is bz2.BZ2Decompressor else stored, HEAD_BYTES)
-        elif stored.startswith(ZIP_MAGIC) and (name := only_member(whole := read_file(path))):
-            with zipfile.ZipFile(io.BytesIO(whole)) as archive, archive.open(name) as file:
+        elif stored.startswith(ZIP_MAGIC) and (name := only_member(path)):
+            with zipfile.ZipFile(path) as archive, archive.open(name) as file:
                 stored = file.read(HEAD_BYTES)
     except UNREADABLE:
         return b""

@@ -12,7 +12,9 @@ from test_draft_axes import G, flown
 
 from nanobench_tools.cli.estimate import nothing_logged
 from nanobench_tools.sources import load_recordings, payload
+from nanobench_tools.sources import members as archives
 from nanobench_tools.sources.asl_sensor import columns_of
+from nanobench_tools.sources.payload import read_file
 
 POSITION, ROTATION, VELOCITY = ("px", "py", "pz"), ("qx", "qy", "qz", "qw"), ("vx", "vy", "vz")
 GYRO, ACC = ("gyro_x", "gyro_y", "gyro_z"), ("acc_x", "acc_y", "acc_z")
@@ -192,6 +194,22 @@ def test_open_vins_tables_are_the_same_columns():
     assert [name for name, _ in found.vectors["quaternion"]] == ["qx", "qy", "qz", "qw"]
     assert columns_of("#timestamp [ns],filename") is None
     assert columns_of("time,px,py,pz,qw,qx,qy,qz") is None
+
+
+def test_of_an_archive_with_pictures_only_the_tables_are_read(tmp_path, monkeypatch):
+    """Archives of EuRoC have gigabytes of pictures."""
+    pictures = {f"cam0/data/{k}.png": np.random.default_rng(k).bytes(100_000) for k in range(20)}
+    (tmp_path / "V1_09_made.zip").write_bytes(archive({**members(), **pictures}))
+    whole = []
+
+    def read(path, limit=None):
+        whole.extend([path] if limit is None else [])
+        return read_file(path, limit)
+
+    for module in (payload, archives):
+        monkeypatch.setattr(module, "read_file", read)
+    check(one(tmp_path / "V1_09_made.zip"))
+    assert whole == []
 
 
 def test_archives_that_unpack_to_far_more_than_a_recording_are_refused(tmp_path, monkeypatch):
