@@ -27,7 +27,7 @@ sys.path.insert(0, str(ROOT))
 
 from controllers.plants.served_vehicle import served  # noqa: E402
 from nanobench_tools import so3  # noqa: E402
-from nanobench_tools.cli.fly_controllers import pilot_for  # noqa: E402
+from nanobench_tools.cli.flights.flight_controllers import pilot_for  # noqa: E402
 from nanobench_tools.radio.crtp import Port  # noqa: E402
 from nanobench_tools.radio.fly.flight_plan import Plan, chosen_path  # noqa: E402
 from nanobench_tools.radio.fly.safety import Limits  # noqa: E402

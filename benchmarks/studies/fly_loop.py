@@ -54,7 +54,7 @@ with SimulatedCrazyflie(served(battery_V=4.15), '127.0.0.1', 0, radio=RadioOptio
 
 def loop(minutes: float) -> None:
     """The real-time loop, in flights of 60 s of path each."""
-    from nanobench_tools.cli.fly_controllers import pilot_for
+    from nanobench_tools.cli.flights.flight_controllers import pilot_for
     from nanobench_tools.radio.fly import mission
     from nanobench_tools.radio.fly.flight_plan import chosen_path
     from nanobench_tools.radio.fly.safety import Limits
@@ -117,7 +117,7 @@ def loop(minutes: float) -> None:
 
 def fly_virtual(name: str, folder: Path, seed: int, seconds: float, model=None) -> None:
     from controllers.plants.served_vehicle import ServedVehicle, served
-    from nanobench_tools.cli.fly_controllers import pilot_for
+    from nanobench_tools.cli.flights.flight_controllers import pilot_for
     from nanobench_tools.radio.blocks import default_blocks
     from nanobench_tools.radio.fly.flight_plan import chosen_path
     from nanobench_tools.radio.fly.safety import Limits

@@ -14,11 +14,11 @@ from ..results.result import INLINE, OPTIONAL, Result
 from ..steps.options import Options, one_line
 from ..tables.result_table import Table
 from .closing import again, close, shown_page
-from .fly_audit import audit_recording
-from .fly_campaign import fly_campaign
-from .fly_controllers import CONTROLLERS_HELP, pilot_for
-from .fly_fleet import fly_fleet
-from .fly_requests import FlightOptions, refuse_given
+from .flights.campaign_flights import fly_campaign
+from .flights.fleet_flights import fly_fleet
+from .flights.flight_controllers import CONTROLLERS_HELP, pilot_for
+from .flights.flight_requests import FlightOptions, refuse_given
+from .flights.recorded_flight import audit_recording
 from .record import RecordBody, say_export
 from .shared_options import PATH, FiniteRange, shared_options
 

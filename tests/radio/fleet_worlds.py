@@ -9,7 +9,7 @@ import numpy as np
 from fleet_plans import TWO, fleet
 
 from controllers.plants.served_vehicle import served
-from nanobench_tools.cli.fly_controllers import pilot_for
+from nanobench_tools.cli.flights.flight_controllers import pilot_for
 from nanobench_tools.radio.fleet.fleet_plan import read_fleet
 from nanobench_tools.radio.fleet.fleet_session import Fleet, Flown
 from nanobench_tools.radio.fleet.virtual_fleet import FleetWorld, VirtualFleet, on_clock

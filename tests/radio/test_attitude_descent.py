@@ -10,7 +10,7 @@ from toy_vehicle import Notes, Toy
 
 from controllers.plants.served_vehicle import served
 from nanobench_tools import so3
-from nanobench_tools.cli.fly_controllers import pilot_for
+from nanobench_tools.cli.flights.flight_controllers import pilot_for
 from nanobench_tools.radio.fly import setpoint_packets
 from nanobench_tools.radio.fly.attitude_descent import BLIND_SHARE, LEAST_SHARE, LOW_SHARE, command
 from nanobench_tools.radio.fly.dead_reckoning import IMU, PLACE, SPEED, THRUST, TURN, DeadReckoning

@@ -74,7 +74,7 @@ def wait_for_file(folder: Path, seconds: float = 120.0) -> Path:
 
 FLIES = """
 import sys
-from nanobench_tools.cli.fly_controllers import pilot_for
+from nanobench_tools.cli.flights.flight_controllers import pilot_for
 from nanobench_tools.radio.fly.flight_plan import chosen_path
 from nanobench_tools.radio.fly.session import Request, fly_session
 from nanobench_tools.radio.mocap.mocap_sources import pose_source

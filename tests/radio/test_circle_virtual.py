@@ -16,7 +16,7 @@ import pytest
 
 from controllers.plants.served_vehicle import served
 from nanobench_tools.auditing.recording_audit import audit
-from nanobench_tools.cli.fly_controllers import pilot_for
+from nanobench_tools.cli.flights.flight_controllers import pilot_for
 from nanobench_tools.cli.main import main
 from nanobench_tools.radio.fly.flight_plan import chosen_path
 from nanobench_tools.radio.fly.safety import Limits

@@ -9,7 +9,7 @@ import time
 import pytest
 from toy_vehicle import Notes, Toy
 
-from nanobench_tools.cli import fly_requests as cli_requests
+from nanobench_tools.cli.flights import flight_requests as cli_requests
 from nanobench_tools.cli.main import main
 from nanobench_tools.errors import UsageError
 from nanobench_tools.radio.fly.flight_ending import STOP_S

@@ -8,7 +8,7 @@ import pytest
 from nanobench_tools import so3
 from nanobench_tools.auditing.audit_verdict import verdict_of
 from nanobench_tools.auditing.recording_audit import Audit, audit
-from nanobench_tools.cli.fly_audit import load_line
+from nanobench_tools.cli.flights.recorded_flight import load_line
 from nanobench_tools.flight import Fault, Flight, Provenance, make_stream
 from nanobench_tools.radio.record_export import lost_link
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from controllers.plants.served_vehicle import served
-from nanobench_tools.cli.fly_controllers import pilot_for
+from nanobench_tools.cli.flights.flight_controllers import pilot_for
 from nanobench_tools.radio.crtp import Packet
 from nanobench_tools.radio.fly.flight_plan import chosen_path
 from nanobench_tools.radio.fly.safety import Limits

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from nanobench_tools import so3
-from nanobench_tools.cli.fly_controllers import pilot_for
+from nanobench_tools.cli.flights.flight_controllers import pilot_for
 from nanobench_tools.cli.main import main
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.methods import Reference

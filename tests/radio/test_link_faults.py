@@ -9,7 +9,7 @@ import pytest
 from faulty_world import FaultyWorld, every, kind
 from toy_vehicle import Notes
 
-from nanobench_tools.cli.fly_controllers import pilot_for
+from nanobench_tools.cli.flights.flight_controllers import pilot_for
 from nanobench_tools.radio.crtp import Port
 from nanobench_tools.radio.fly import session
 from nanobench_tools.radio.fly.flight_plan import chosen_path

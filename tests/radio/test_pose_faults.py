@@ -8,7 +8,7 @@ import pytest
 from faulty_world import ROOM
 
 from controllers.plants.served_vehicle import served
-from nanobench_tools.cli.fly_controllers import pilot_for
+from nanobench_tools.cli.flights.flight_controllers import pilot_for
 from nanobench_tools.radio.fly.flight_plan import chosen_path
 from nanobench_tools.radio.fly.pose_gate import PoseGate
 from nanobench_tools.radio.fly.pose_physics import IMU, PosePhysics

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..errors import UsageError
-from ..steps.options import Options
-from .record import toc_cache
+from ...errors import UsageError
+from ...steps.options import Options
+from ..record import toc_cache
 
 if TYPE_CHECKING:
-    from ..practice.references import PathSpec
-    from ..radio.fly.pilot import Pilot
-    from ..radio.fly.prepare import Ready
-    from ..radio.fly.safety import Limits
-    from ..radio.fly.session import Request
+    from ...practice.references import PathSpec
+    from ...radio.fly.pilot import Pilot
+    from ...radio.fly.prepare import Ready
+    from ...radio.fly.safety import Limits
+    from ...radio.fly.session import Request
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,9 @@ class FlightOptions:
 
     def request(self, options: Options, spec: PathSpec, pilot: Pilot, uri: str, mocap: str, **more: Any) -> Request:
         """A request; ``more`` replaces its other fields. Raises UsageError, InputError."""
-        from ..radio.blocks import default_blocks, read_blocks
-        from ..radio.fly.session import Request, is_simulated
-        from ..radio.mocap.mocap_sources import pose_source
+        from ...radio.blocks import default_blocks, read_blocks
+        from ...radio.fly.session import Request, is_simulated
+        from ...radio.mocap.mocap_sources import pose_source
 
         source = pose_source(mocap, uri)
         simulated = is_simulated(uri, source)

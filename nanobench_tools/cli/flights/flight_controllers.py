@@ -5,26 +5,26 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import UsageError
-from ..settings import setting
-from ..steps.named_methods import load_methods
+from ...errors import UsageError
+from ...settings import setting
+from ...steps.named_methods import load_methods
 
 if TYPE_CHECKING:
-    from ..radio.fly.pilot import Pilot
+    from ...radio.fly.pilot import Pilot
 
 CONTROLLERS_HELP = ("onboard_pid, onboard_mellinger fly on board and are sent set-points; mpc_osqp, mpc_daqp, nmpc, "
                     "geometric, lqr and module:Class fly from here.")
-NOW: dict[str, Any] = setting("flying.fly_controllers.now")
+NOW: dict[str, Any] = setting("flying.flight_controllers.now")
 """Of the observer: its input is of the present (``radio.pose_tracker``), and its rates come from poses, noisier than a
 gyro's."""
 
 
 def pilot_for(name: str, kind: str | None, simulator: Path | None) -> Pilot:
     """The pilot that ``--controller`` and ``--setpoints`` name. Raises UsageError."""
-    from ..firmware.onboard import Mellinger, PidCascade
-    from ..lookup.registry import load
-    from ..radio.fly.motor_commands import MotorPilot
-    from ..radio.fly.pilot import MELLINGER, PID, OnboardPilot, StreamingPilot
+    from ...firmware.onboard import Mellinger, PidCascade
+    from ...lookup.registry import load
+    from ...radio.fly.motor_commands import MotorPilot
+    from ...radio.fly.pilot import MELLINGER, PID, OnboardPilot, StreamingPilot
 
     found = load("controllers", name)
     if isinstance(found, type) and _is_predictive(found):
@@ -59,8 +59,8 @@ def _predictive(name: str, kind: Any, setpoints: str, simulator: Path | None) ->
     from controllers.mpc.disturbance import Tuning
     from controllers.plants.served_vehicle import served_simulator
 
-    from ..physics.simulator import loads, read_simulator
-    from ..radio.fly.predictive import PlannedPilot
+    from ...physics.simulator import loads, read_simulator
+    from ...radio.fly.predictive import PlannedPilot
 
     model = loads(served_simulator()) if simulator is None else read_simulator(simulator)
     if setpoints != "thrust-rates":

@@ -10,23 +10,23 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..errors import InputError, UsageError
-from ..results.result import OPTIONAL, Result
-from ..steps.options import Options
-from ..steps.result_bodies import ControlBody
-from ..tables.result_table import Table
-from .closing import again, close
-from .fly_controllers import pilot_for
-from .fly_requests import FlightOptions
-from .record import toc_cache
+from ...errors import InputError, UsageError
+from ...results.result import OPTIONAL, Result
+from ...steps.options import Options
+from ...steps.result_bodies import ControlBody
+from ...tables.result_table import Table
+from ..closing import again, close
+from ..record import toc_cache
+from .flight_controllers import pilot_for
+from .flight_requests import FlightOptions
 
 if TYPE_CHECKING:
-    from ..practice.references import PathSpec
-    from ..radio.campaign.campaign_plan import CampaignPlan
-    from ..radio.campaign.campaign_state import CampaignState
-    from ..radio.campaign.next_flight import Window
-    from ..radio.fly import session
-    from ..radio.fly.flight_plan import Plan
+    from ...practice.references import PathSpec
+    from ...radio.campaign.campaign_plan import CampaignPlan
+    from ...radio.campaign.campaign_state import CampaignState
+    from ...radio.campaign.next_flight import Window
+    from ...radio.fly import session
+    from ...radio.fly.flight_plan import Plan
 
 INTERRUPTED = 130
 
@@ -46,10 +46,10 @@ class CampaignBody(Result):
 
 def fly_campaign(options: Options, file: Path, common: FlightOptions, uri: str | None, mocap: str | None) -> int:
     """Flies what is left of the plan in ``file``; compares the controllers when all flights are done."""
-    from ..radio.campaign.campaign_plan import read_campaign
-    from ..radio.campaign.campaign_state import opened
-    from ..radio.fly.checklist import check_plan
-    from ..radio.recorder import check_folder
+    from ...radio.campaign.campaign_plan import read_campaign
+    from ...radio.campaign.campaign_state import opened
+    from ...radio.fly.checklist import check_plan
+    from ...radio.recorder import check_folder
 
     plan = read_campaign(file)
     if uri is None or mocap is None or common.record_to is None:
@@ -67,7 +67,7 @@ def _plan_from_its_start(path: PathSpec) -> Plan:
     """Before a link is open: with the vehicle below the start of the path."""
     import numpy as np
 
-    from ..radio.fly.flight_plan import Plan
+    from ...radio.fly.flight_plan import Plan
 
     first = path.at(np.zeros(1)).position_m[0]
     return Plan(path, np.array([first[0], first[1], 0.0]), 0.0)
@@ -83,7 +83,7 @@ class _Campaign:
 
     def run(self) -> int:
         """Exit code: 0 when all flights are done and compared."""
-        from ..radio.campaign.campaign_run import fly_campaign as flown
+        from ...radio.campaign.campaign_run import fly_campaign as flown
 
         options, state, plan = self.options, self.state, self.state.plan
         before = len(state.done)
@@ -109,14 +109,14 @@ class _Campaign:
         return INTERRUPTED if stop is not None and stop.rule == "interrupted" else code
 
     def _measure(self) -> float:
-        from ..radio.campaign import rest_voltage
-        from ..radio.fly.session import HOST
+        from ...radio.campaign import rest_voltage
+        from ...radio.fly.session import HOST
 
         return rest_voltage.rest_voltage(self.uri, HOST, toc_cache(), self.options.say)
 
     def _fly(self, window: Window) -> session.Result:
-        from ..radio.campaign.campaign_run import check_window
-        from ..radio.fly import session
+        from ...radio.campaign.campaign_run import check_window
+        from ...radio.fly import session
 
         flight, plan = window.flight, self.state.plan
         controller = plan.controller(flight.controller)
@@ -144,7 +144,7 @@ class _Campaign:
 
     def _control(self) -> ControlBody:
         """Task 2 on the recordings of the flights that are done."""
-        from ..steps.controlling import control_body, control_screen
+        from ...steps.controlling import control_body, control_screen
 
         quiet = replace(self.options, data=tuple(self.state.recordings), flights=[], failed=self.options.failed)
         flights = quiet.load()
@@ -158,7 +158,7 @@ class _Campaign:
 
 def campaign_body(state: CampaignState) -> CampaignBody:
     """Flights and pairs that are done."""
-    from ..radio.campaign.next_flight import matches
+    from ...radio.campaign.next_flight import matches
 
     flights = [{**flown.flight._asdict(), "battery_V": flown.battery_V, "csv": flown.csv}
                for flown in state.done.values()]

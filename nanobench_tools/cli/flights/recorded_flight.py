@@ -7,12 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import NanobenchError
-from ..steps.options import Options
-from .audit import audit_body
+from ...errors import NanobenchError
+from ...steps.options import Options
+from ..audit import audit_body
 
 if TYPE_CHECKING:
-    from ..auditing.recording_audit import Audit
+    from ...auditing.recording_audit import Audit
 
 CLOCK_KINDS = ("clock_wander", "clock_drift")
 """Fault kinds of which a busy computer may be the cause: a clock that moves. A constant lag is a filter's or link's."""
@@ -56,8 +56,8 @@ def audit_recording(options: Options, csv: Path, raw: Path) -> Path | None:
 
 def _page(options: Options, csv: Path, body: Mapping[str, Any], flights: list[Any], audits: Mapping[str, Audit]
           ) -> Path:
-    from ..harness import write_json
-    from ..pages.report_page import write_report
+    from ...harness import write_json
+    from ...pages.report_page import write_report
 
     assert options.out is not None
     content = options.envelope("audit", body)

@@ -8,20 +8,20 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import UsageError
-from ..results.result import Result
-from ..steps.options import Options
-from ..tables.result_table import Table
-from .closing import again, close
-from .fly_audit import audit_recording
-from .fly_controllers import pilot_for
-from .fly_requests import FlightOptions, confirmation
-from .record import say_export
+from ...errors import UsageError
+from ...results.result import Result
+from ...steps.options import Options
+from ...tables.result_table import Table
+from ..closing import again, close
+from ..record import say_export
+from .flight_controllers import pilot_for
+from .flight_requests import FlightOptions, confirmation
+from .recorded_flight import audit_recording
 
 if TYPE_CHECKING:
-    from ..radio.fleet.fleet_plan import FleetPlan, FleetVehicle
-    from ..radio.fleet.fleet_session import Flown
-    from ..radio.fly.session import Request
+    from ...radio.fleet.fleet_plan import FleetPlan, FleetVehicle
+    from ...radio.fleet.fleet_session import Flown
+    from ...radio.fly.session import Request
 
 INTERRUPTED = 130
 
@@ -37,10 +37,10 @@ class FleetBody(Result):
 
 def fly_fleet(options: Options, file: Path, common: FlightOptions, mocap: str | None, dry_run: bool) -> int:
     """Checks the plans of all vehicles from their places in the file, then flies them."""
-    from ..radio.fleet.fleet_plan import read_fleet
-    from ..radio.fleet.fleet_session import Fleet
-    from ..radio.fleet.separation import check_plans
-    from ..radio.fly.checklist import check_plan
+    from ...radio.fleet.fleet_plan import read_fleet
+    from ...radio.fleet.fleet_session import Fleet
+    from ...radio.fleet.separation import check_plans
+    from ...radio.fly.checklist import check_plan
 
     plan = read_fleet(file)
     pilots = [pilot_for(v.controller, v.setpoints, v.simulator) for v in plan.vehicles]
@@ -65,7 +65,7 @@ def fly_fleet(options: Options, file: Path, common: FlightOptions, mocap: str | 
 
 def confirm_all(plan: FleetPlan, requests: Sequence[Request], yes: bool) -> Callable[[], None]:
     """One question for all vehicles, if any is real."""
-    from ..radio.fly.session import is_simulated
+    from ...radio.fly.session import is_simulated
 
     simulated = all(is_simulated(request.uri, request.source) for request in requests)
     ask = confirmation(plan.vehicles[0].uri, simulated, yes)
