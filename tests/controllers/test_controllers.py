@@ -25,7 +25,6 @@ NAMES = ("geometric", "lead_pid", "lqr", "mellinger_full", "mpc_hover", "onboard
 PREVIEW = ("mpc_hover", "geometric", "lqr", "mellinger_full")
 PREDICTIVE = ("mpc_daqp", "mpc_osqp", "nmpc")
 """These have tests of their own beside this file."""
-HOVER_RATIO = 0.78
 
 make = functools.cache(lambda name: registry.load("controllers", name)())
 

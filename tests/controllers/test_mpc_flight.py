@@ -136,6 +136,7 @@ def test_commands_leave_no_memory_behind(name):
 
     below = [tracemalloc.Filter(True, __file__, all_frames=True)]
     below += [tracemalloc.Filter(False, tracemalloc.__file__, all_frames=True)]
+    below += [tracemalloc.Filter(False, "*/osqp/interface.py")]  # its lookup of status words keeps some, ever fewer
     go(0, 40)
     gc.collect()
     tracemalloc.start(DEEP)
