@@ -26,16 +26,17 @@ ALL = ("onboard_pid", "onboard_mellinger", "mellinger_full", "geometric", "lqr",
 
 class LyingWorld(VirtualWorld):
     """Motion capture that lies from ``at_s`` after take-off at 0.8 m on; ``lie(pose, poses before)`` -> pose.
-    ``begun_m``, ``begun_m_s``: where the vehicle was and how fast when it began; ``places_m``: afterwards."""
+    ``begun_m``, ``begun_m_s``: where the vehicle was and how fast when it began; ``places_m``: afterwards; ``off_m``:
+    height at which the motors stopped last."""
 
-    def __init__(self, lie, after_s: float = 8.0) -> None:
-        super().__init__(served(), RadioOptions(latency_s=0.010), ROOM)
+    def __init__(self, lie, after_s: float = 8.0, **vehicle) -> None:
+        super().__init__(served(**vehicle), RadioOptions(latency_s=0.010), ROOM)
         self._lie, self._after_s = lie, after_s
         self._high_s = np.inf
         self._before: list[Pose] = []
         self.begun_m = self.begun_m_s = None
         self.places_m: list[np.ndarray] = []
-        self.sank_m_s = 0.0
+        self.sank_m_s, self.off_m = 0.0, np.inf
         due = self.simulation.mocap.due
         self.simulation.mocap.due = lambda time_s: [self._said(d, time_s) for d in due(time_s)]
 
@@ -51,6 +52,8 @@ class LyingWorld(VirtualWorld):
             self.begun_m, self.begun_m_s = place.copy(), velocity.copy()
         self.places_m.append(place.copy())
         self.sank_m_s = max(self.sank_m_s, -float(velocity[2]))
+        if self.simulation.onboard.vehicle.stabilizer.loop["motor"].any():
+            self.off_m = float(place[2])
         said = self._lie(pose, self._before)
         self._before = [*self._before[-200:], pose]
         return pack(*said)
@@ -84,6 +87,68 @@ def swapped(pose: Pose, before: list[Pose]) -> Pose:
     """Another vehicle that hovers elsewhere."""
     still = frozen_with_noise(pose, before)
     return still._replace(position_m=still.position_m + np.array([0.5, 0.3, 0.0]))
+
+
+def mirror(normal: np.ndarray, here: bool):
+    """Mirrored about a plane through the origin, or through the place where it begins: no pose jumps then."""
+    origin: list[np.ndarray] = [] if here else [np.zeros(3)]
+
+    def lie(pose: Pose, before: list[Pose]) -> Pose:
+        origin.extend([pose.position_m] * (not origin))
+        off, axis = pose.position_m - origin[0], pose.quaternion[:3]
+        return Pose(pose.time_s, pose.position_m - 2.0 * normal * (normal @ off),
+                    np.append(2.0 * normal * (normal @ axis) - axis, pose.quaternion[3]))
+    return lie
+
+
+def lagging(count: int):
+    def lie(pose: Pose, before: list[Pose]) -> Pose:
+        return pose._replace(position_m=before[-count].position_m, quaternion=before[-count].quaternion)
+    return lie
+
+
+def other_body(away_m: np.ndarray, moves_m_s: np.ndarray):
+    """Level as this one was, and moving straight."""
+    last: list[Pose] = []
+
+    def lie(pose: Pose, before: list[Pose]) -> Pose:
+        last.extend([before[-1]] * (not last))
+        noise = 2e-4 * np.sin(1e3 * pose.time_s * np.arange(1, 4))
+        return last[0]._replace(time_s=pose.time_s, position_m=last[0].position_m + away_m + noise
+                                + moves_m_s * (pose.time_s - last[0].time_s))
+    return lie
+
+
+def level(rng: np.random.Generator, length: float = 1.0) -> np.ndarray:
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    return length * np.array([np.cos(angle), np.sin(angle), 0.0])
+
+
+LIES = {"frozen": lambda rng: frozen, "frozen with noise": lambda rng: frozen_with_noise,
+        "mirrored in x": lambda rng: mirror(np.eye(3)[0], here=False),
+        "mirrored in y": lambda rng: mirror(np.eye(3)[1], here=False),
+        "mirrored": lambda rng: mirror(level(rng), here=False),
+        "mirrored here": lambda rng: mirror(level(rng), here=True),
+        "mirrored in height": lambda rng: mirror(np.eye(3)[2], here=True),
+        "late": lambda rng: lagging(int(rng.integers(15, 60))), "swapped": lambda rng: swapped,
+        "near body": lambda rng: other_body(level(rng, rng.uniform(0.0, 0.1)), np.zeros(3)),
+        "moving body": lambda rng: other_body(level(rng, rng.uniform(0.0, 0.6)), level(rng, rng.uniform(0.2, 1.0)))}
+PATHS = (("circle", 1.0, 0.6), ("circle", 1.0, 1.0), ("figure_eight", 0.65, 0.8))
+"""Family, speed, size; the fastest of each is 1.0 m/s."""
+
+
+def drawn(seed: int, number: int):
+    """A flight with any lie, controller, path and heading; the lie begins at any moment of it."""
+    rng = np.random.default_rng([seed, number])
+    lie = LIES[list(LIES)[number % len(LIES)]](rng)
+    path, controller = PATHS[rng.integers(len(PATHS))], ALL[rng.integers(len(ALL))]
+    heading = float(rng.uniform(-np.pi, np.pi) * (rng.random() < 0.3))
+    frozen.last = None
+    world = LyingWorld(lie, float(rng.uniform(0.0, 8.5)), yaw_rad=heading, seed=10000 * seed + number)
+    with world.served() as uri:
+        outcome = fly_session(Request(chosen_path(*path, 6.0), pilot_for(controller, None, None), Limits(), uri, world,
+                                      (), clock=world, yaw_rad=heading)).outcome
+    return outcome, world
 
 
 def flown(lie, controller: str = "onboard_pid", speed: float = 1.0, after_s: float = 8.0):

@@ -34,10 +34,11 @@ OFF_TIMES = 25
 
 
 def descend(link: Link, clock: Clock, state: DeadReckoning, ground_m: float, seen: Callable[[], Believed | None],
-            tick: Callable[[], None], brakes: bool = True) -> None:
+            tick: Callable[[], None], brakes: bool = True, lands: bool = True) -> None:
     """Descend by attitude and thrust and stop the motors. ``state``: kept up to date by ``tick``; ``seen()``: the
-    vehicle as believed poses show it, None without. ``brakes``: the last speed is known."""
-    begun, height_m = clock.now(), max(float(state.position_m[2]) - ground_m, 0.0)
+    vehicle as believed poses show it, None without. ``brakes``: the last speed is known; ``lands``: from here, not
+    only the rest of a landing."""
+    begun, height_m = clock.now(), max(float(state.position_m[2]) - ground_m, 0.0) if lands else 0.0
     most_s = height_m / SINK_M_S + AFTER_S
     while (since := clock.now() - begun) < most_s:
         now = seen()

@@ -75,6 +75,7 @@ class DeadReckoning:
     delay_s: float = 0.0
     hover_counts: float = float("nan")
     turn: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 0.0, 1.0]))
+    rate_rad_s: np.ndarray = field(default_factory=lambda: np.zeros(3))
     fault: str = ""
     excess: float = 0.0
     _bias_m_s2: np.ndarray = field(default_factory=lambda: np.zeros(3))
@@ -93,6 +94,7 @@ class DeadReckoning:
         if self.imu_s < FRESH_S:
             acc = GRAVITY_M_S2 * np.array([values[name] for name in IMU[:3]])
             gyro = np.radians([values[name] for name in IMU[3:]])
+            self.rate_rad_s = gyro
             self._average_hover(acc, values, step)
         if believed is not None and believed.pose_s > self._pose_s and now_s - believed.pose_s < POSE_S:
             self._pose_s = believed.pose_s
@@ -117,6 +119,13 @@ class DeadReckoning:
             until = now_s if moment is None else moment.time_s
             self._integrate(until, earlier.acc, earlier.gyro, until - earlier.time_s)
         self._compared_s = -np.inf
+
+    def shown(self) -> Believed:
+        """The vehicle now, a link delay after the newest log."""
+        late_s = self.delay_s + AGE_S
+        turn = so3.multiply(self.quaternion, so3.exp(late_s * self.rate_rad_s))
+        return Believed(self.time_s, self.position_m + late_s * self.velocity_m_s, self.velocity_m_s, turn,
+                        self.rate_rad_s, self.time_s - self.blind_s)
 
     def _set(self, now_s: float, believed: Believed, acc: np.ndarray | None, step: float) -> None:
         late_s = self.delay_s + AGE_S

@@ -9,12 +9,13 @@ from ..vehicle_link import FLYING, Link
 from . import safety, setpoint_packets
 from .attitude_descent import descend
 from .company import ALONE, Company
+from .dead_reckoning import FRESH_S
 from .flight_plan import LANDING, TAKEOFF
 from .flight_state import FlightState
 from .outcome import Listener
 from .pilot import PERIOD_S
 from .pose_gate import PoseGate
-from .pose_tracker import PoseTrack
+from .pose_tracker import FIT_S, PoseTrack
 from .prepare import Ready
 from .safety import Limits, Stop, first_stop
 from .safety_handover import command_landing, hand_over, land, place_to_hold
@@ -23,8 +24,8 @@ GROUND, LANDED = "ground", "landed"
 GROUND_M = 0.03
 STILL_S = 4.0
 """Maximum wait for motors that do not turn."""
-FALSE_S = 3.0
-"""Poses that contradict the IMU may have been false for so long before it is found."""
+HEALS_S = 0.3
+"""A filter that had false poses and gets those of dead reckoning counts again after so long."""
 TOUCHED_M = 0.15
 """Below this height above the ground the IMU shows the touchdown, and the estimate is not compared."""
 STOP_S, STOP_AGAIN_S = 5.0, 0.02
@@ -51,7 +52,7 @@ class FlightEnding(FlightState):
         super().__init__(link, track, ready, limits, clock, listeners, gate, company)
         self._hard = safety.HardFence(*limits.fence)
         self._feed = feed
-        self._watches_estimate = False
+        self._watches_estimate, self._healed_s = False, -np.inf
 
     def _land(self) -> Stop | None:
         """The plan's own landing. A link that was lost meanwhile or a vehicle that says it crashed is no good end."""
@@ -73,12 +74,11 @@ class FlightEnding(FlightState):
             return self._drop(stop)
         self._enter("hand-over", self.clock.now())
         if stop.rule == safety.PosesDisagree.name:
-            self._feed(False)  # the vehicle goes on by its IMU
-            self._unbelieved = True
-            if not self._gate.why:  # it took time to find out, and the vehicle's filter had them
-                self._reckoning.rewind(FALSE_S)
-                self._reckon(self.clock.now(), None)
-        place = place_to_hold(now.position_m, now.velocity_m_s, self.limits.fence, self.ground_m)
+            self._disbelieve()
+        place_m, ahead_m_s = now.position_m, now.velocity_m_s
+        if self._unbelieved:
+            place_m, ahead_m_s = self._reckoning.shown().position_m, np.zeros(3)  # brakes as hard as it can
+        place = place_to_hold(place_m, ahead_m_s, self.limits.fence, self.ground_m)
         yaw = 0.0 if self._believed is None else self._believed.yaw_rad
         brief = now.pose_age_s > self.limits.stale_s or stop.rule in (safety.Sinks.name, safety.PosesDisagree.name,
                                                                                   safety.ConsoleAlarm.name)
@@ -88,6 +88,26 @@ class FlightEnding(FlightState):
         self._rest()
         return stop
 
+    def _disbelieve(self) -> None:
+        """The poses are false: the vehicle goes on by its IMU. If its filter had them while they were found out, it
+        gets the motion by dead reckoning instead of them."""
+        self._feed(False)
+        self._unbelieved = True
+        if not self._gate.why:
+            self._reckoning.rewind(self._physics.false_s + FIT_S)
+            self._healed_s = self.clock.now() + HEALS_S
+        self._reckon(self.clock.now(), None)
+
+    def _watch_poses(self) -> None:
+        """Poses may also turn false during the landing."""
+        high = self._reckoning.position_m[2] > self.ground_m + TOUCHED_M
+        if self._unbelieved or not high or self._phase in (GROUND, LANDED):
+            return
+        why = self._now.pose_fault = self._pose_fault(self.clock.now(), self.track.at(self.clock.now()))
+        if why:
+            self._note(f"poses: {why}")
+            self._disbelieve()
+
     def _down(self, way: Callable[[], str]) -> None:
         """To the ground by ``way``. If the vehicle turns out not to know where it is, by attitude and thrust."""
         self._watches_estimate = True
@@ -95,6 +115,9 @@ class FlightEnding(FlightState):
             self._check_estimate(self._reckoning.fault if self._seen() is None else "")
             self._by_setpoints(way())
             self._watches_estimate = False
+            if self._seen() is None and np.isfinite(self._reckoning.hover_counts):  # it may be higher than it seems
+                descend(self.link, self.clock, self._reckoning, self.ground_m, self._seen, self._idle, brakes=False,
+                        lands=False)
         except EstimateLostError as lost:
             self._watches_estimate = False
             self._note(f"{lost}: taken down by attitude and thrust")
@@ -103,6 +126,8 @@ class FlightEnding(FlightState):
 
     def _check_estimate(self, fault: str) -> None:
         high = self._reckoning.position_m[2] > self.ground_m + TOUCHED_M
+        if self.clock.now() < self._healed_s:
+            return
         if fault and high and self._watches_estimate and np.isfinite(self._reckoning.hover_counts):
             raise EstimateLostError(fault)
 
@@ -168,8 +193,17 @@ class FlightEnding(FlightState):
         self._request_echo()
         self._report(self._now.time_s, None)
         self._cut_outside()
+        self._watch_poses()
         fault = self._reckon(self.clock.now(), self.track.at(self.clock.now()))
+        if np.isfinite(self._healed_s) and self._phase not in (GROUND, LANDED):
+            self._heal()
         self._check_estimate(fault)
+
+    def _heal(self) -> None:
+        """The vehicle's filter gets the pose by dead reckoning, while its IMU is heard."""
+        if self._reckoning.imu_s < FRESH_S and np.isfinite(self._reckoning.time_s):
+            shown = self._reckoning.shown()
+            self.link.send_pose(shown.position_m, shown.quaternion)
 
     def _cut_outside(self) -> None:
         """A vehicle that gets beyond the hard fence while it should land: its motors stop."""

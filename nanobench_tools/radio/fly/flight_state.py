@@ -92,9 +92,7 @@ class FlightState:
         now.health_age_s = health_age_s(link, host)
         now.estimate_fault = self._lost_estimate(self._reckon(host, believed))
         now.astray_m = float(np.linalg.norm(astray(link, believed, host)))
-        timely = host - link.echoed_s < TIMELY_S and link.log_late_s < LATE_S
-        now.pose_fault = self._gate.why or now.pose_fault or self._physics.check(believed, link.values, link.logged_s,
-                                                                                 host, timely)
+        now.pose_fault = self._pose_fault(host, believed)
         now.home_s = lasts_s(self.ground_m, self._height())
         trips = list(link.round_trips_s)[-RECENT_TRIPS:]
         now.trip_s = max(float(np.median(trips)) if trips else 0.0, link.log_late_s)
@@ -102,6 +100,13 @@ class FlightState:
         now.late_ticks = self.pacer.beat.late_in_a_row
         now.interrupted = self.interrupts.requested
         self._request_echo()
+
+    def _pose_fault(self, host_s: float, believed: Believed | None) -> str:
+        """Why the poses are not believed. Once there is a reason, it stays."""
+        link = self.link
+        timely = host_s - link.echoed_s < TIMELY_S and link.log_late_s < LATE_S
+        return self._gate.why or self._now.pose_fault or self._physics.check(believed, link.values, link.logged_s,
+                                                                             host_s, timely)
 
     def _reckon(self, host_s: float, believed: Believed | None) -> str:
         """Why the vehicle's estimate is not trusted, if poses are missing."""

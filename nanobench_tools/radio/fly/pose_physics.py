@@ -17,6 +17,8 @@ from ...units import GRAVITY_M_S2
 from .pose_tracker import Believed
 
 MOST_M_S = number("flying.pose_physics.most_m_s")
+LEAST_M_S = number("flying.pose_physics.least_m_s")
+USUAL = number("flying.pose_physics.usual")
 CHANGE_S = number("flying.pose_physics.change_s")
 LASTS_S = number("flying.pose_physics.lasts_s")
 LEAST_SLOPE = number("flying.pose_physics.least_slope")
@@ -29,6 +31,9 @@ TILT_DEG = number("flying.pose_physics.tilt_deg")
 TILT_S = number("flying.pose_physics.tilt_s")
 TILT_LASTS_S = number("flying.pose_physics.tilt_lasts_s")
 TILT_OVER_S = number("flying.pose_physics.tilt_over_s")
+USUAL_S, RECENT_S, KNOWN_S = 5.0, 0.5, 1.5
+"""Time constant of the usual difference of velocities. The most recent time does not count, since poses may be false
+then. Without KNOWN_S of flight nothing is usual."""
 CLIMB_S = 1.0
 """Time over which a climb is looked for; a bias of the accelerometer of 0.02 g makes 0.2 m/s of it."""
 TURN_S = 0.1
@@ -39,15 +44,20 @@ IMU = ("acc.x", "acc.y", "acc.z", "gyro.x", "gyro.y", "gyro.z")
 
 
 class PosePhysics:
-    """``check`` once a tick; returns the reason to end the flight, or ""."""
+    """``check`` once a tick; returns the reason to end the flight, or "". ``false_s``: time for which the poses may
+    have been false by then."""
 
     def __init__(self) -> None:
+        self.false_s = 0.0
+        self._usual_m_s, self._known_s = 0.0, 0.0
         self._restart()
 
     def _restart(self) -> None:
         self._time_s: float | None = None
         self._imu_m_s, self._imu_turn = np.zeros(3), np.zeros(3)
-        self._off: deque[tuple[float, np.ndarray]] = deque()
+        self._gained_m_s = np.zeros(3)
+        self._aparts: deque[tuple[float, float]] = deque()
+        self._moved: deque[tuple[float, Believed, np.ndarray, np.ndarray]] = deque()
         self._turns: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
         self._sums: deque[tuple[float, float, float]] = deque()
         self._bad_s = self._tilted_s = 0.0
@@ -72,6 +82,7 @@ class PosePhysics:
         self._imu_m_s = self._imu_m_s + step * (so3.rotate(believed.quaternion, acc) - [0.0, 0.0, GRAVITY_M_S2])
         self._imu_turn = self._imu_turn + step * gyro
         self._turned = so3.multiply(self._turned, so3.exp(step * gyro))
+        self._gained_m_s = self._gained_m_s + step * so3.rotate(self._turned, acc)
         self._turned_deg += step * float(np.degrees(np.linalg.norm(gyro[:2])))
         if not timely:
             self._tilts.clear()
@@ -93,15 +104,28 @@ class PosePhysics:
         return f"they show the vehicle on the ground, the accelerometer a climb of {gained:.1f} m/s: another body?"
 
     def _velocity(self, believed: Believed, now_s: float, step_s: float) -> str:
-        off = believed.velocity_m_s - self._imu_m_s
-        self._off.append((now_s, off))
-        while now_s - self._off[0][0] > CHANGE_S:
-            self._off.popleft()
-        apart = float(np.linalg.norm(off - self._off[0][1]))
-        self._bad_s = self._bad_s + step_s if apart > MOST_M_S else 0.0
+        """From the poses at the beginning of CHANGE_S, gyro and accelerometer show the velocity at its end."""
+        self._moved.append((now_s, believed, self._turned, self._gained_m_s))
+        while now_s - self._moved[0][0] > CHANGE_S:
+            self._moved.popleft()
+        then_s, before, turned, gained = self._moved[0]
+        by_imu = so3.rotate(so3.multiply(before.quaternion, so3.conjugate(turned)), self._gained_m_s - gained)
+        by_imu = by_imu - [0.0, 0.0, GRAVITY_M_S2 * (now_s - then_s)]
+        apart = float(np.linalg.norm(believed.velocity_m_s - before.velocity_m_s - by_imu))
+        self._bad_s = self._bad_s + step_s if apart > self._most_m_s(apart, now_s, step_s) else 0.0
         if self._bad_s < LASTS_S:
             return ""
+        self.false_s = CHANGE_S + LASTS_S
         return f"the velocity of the poses changed by {apart:.1f} m/s more than the accelerometer measured"
+
+    def _most_m_s(self, apart: float, now_s: float, step_s: float) -> float:
+        """A vehicle whose poses and IMU agreed well so far is held to it."""
+        self._known_s += step_s
+        self._usual_m_s *= np.exp(-step_s / USUAL_S)
+        self._aparts.append((now_s, apart))
+        while now_s - self._aparts[0][0] > RECENT_S:
+            self._usual_m_s = max(self._usual_m_s, self._aparts.popleft()[1])
+        return MOST_M_S if self._known_s < KNOWN_S else float(np.clip(USUAL * self._usual_m_s, LEAST_M_S, MOST_M_S))
 
     def _tilt(self, believed: Believed, now_s: float, step_s: float) -> str:
         self._tilts.append((now_s, believed.quaternion, self._turned, self._turned_deg))
@@ -117,6 +141,7 @@ class PosePhysics:
         self._tilted_s = self._tilted_s + step_s if apart > most else 0.0
         if self._tilted_s < TILT_LASTS_S:
             return ""
+        self.false_s = TILT_OVER_S + TILT_LASTS_S
         return f"the poses tilt by {apart:.0f} deg less or more than the gyro in {now_s - then_s:.1f} s"
 
     def _rotation(self, believed: Believed, now_s: float) -> str:
@@ -138,5 +163,6 @@ class PosePhysics:
                 continue
             slope = float(recent[:, 0].sum() / recent[:, 1].sum())
             if slope < least:
+                self.false_s = since_s + TURN_S
                 return f"the poses turn {slope:.1f} times as far as the gyro: mirrored or late"
         return ""

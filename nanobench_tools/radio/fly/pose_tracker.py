@@ -16,8 +16,8 @@ from ...methods import VehicleState
 from ..mocap.pose_datagram import Pose
 from ..mocap.pose_source import seen
 
-POSES = 11
-"""Of the fit; at 100 Hz 0.1 s. Rates are 41 times as noisy then as the poses' angles [1/s] (least squares)."""
+POSES, FIT_S = 11, 0.1
+"""Of the fit, and their time at 100 Hz. Rates are 41 times as noisy then as the poses' angles [1/s] (least squares)."""
 MOST_AHEAD_S = 0.06
 """A fit is not read further beyond its last pose."""
 GAP_S = 0.25

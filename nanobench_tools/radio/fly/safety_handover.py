@@ -74,7 +74,7 @@ def hand_over(link: Link, clock: Clock, place_m: np.ndarray, yaw_rad: float, gro
 def land(link: Link, clock: Clock, ground_m: float, from_m: float, seen: Callable[[], Believed | None],
          tick: Callable[[], None]) -> str:
     """Land by the vehicle's own planner from a height and wait for the end. Returns "", or why set-points took it down
-    instead."""
+    instead. Without poses it returns when the planner ends, before it is certain that the vehicle is on the ground."""
     first = seen()
     lasts = lasts_s(ground_m, from_m, blind=first is None)
     answers = first is not None and bool(link.planner_answers)
@@ -82,7 +82,7 @@ def land(link: Link, clock: Clock, ground_m: float, from_m: float, seen: Callabl
         _lower(link, clock, _above(first, seen()), ground_m, seen, tick)
         return f"its planner did not answer the command to land for {UNANSWERED_S:.1f} s"
     begun, sent, tries = clock.now(), -np.inf, 0
-    while (since := clock.now() - begun) < lasts + AFTER_S:
+    while (since := clock.now() - begun) < lasts + (0.0 if first is None else AFTER_S):
         if tries < TRIES and clock.now() - sent > AGAIN_S - 1e-6:
             _tell(link, ground_m, max(lasts - since, SHORTEST_LANDING_S))
             sent, tries = clock.now(), tries + 1
