@@ -12,7 +12,7 @@ from controllers.plants.served_vehicle import served
 from nanobench_tools import so3
 from nanobench_tools.cli.flights.flight_controllers import pilot_for
 from nanobench_tools.radio.fly import setpoint_packets
-from nanobench_tools.radio.fly.attitude_descent import AFTER_S, BLIND_SHARE, LEAST_SHARE, LOW_SHARE, command
+from nanobench_tools.radio.fly.attitude_descent import BLIND_SHARE, LEAST_SHARE, LOW_SHARE, SETTLES_S, command
 from nanobench_tools.radio.fly.dead_reckoning import IMU, PLACE, SPEED, THRUST, TURN, DeadReckoning
 from nanobench_tools.radio.fly.flight_plan import chosen_path
 from nanobench_tools.radio.fly.mission import Flight
@@ -169,7 +169,7 @@ def test_the_flight_ends_by_attitude_only_if_the_estimate_is_wrong(wrong):
     outcome = Flight(toy, toy.track, pilot_for("onboard_pid", None, None), ready, Limits(), toy, (notes,)).run()
     kinds = [setpoint_packets.decoded(packet)["kind"] for packet in toy.packets]
     assert outcome.stop.rule == ("estimate" if wrong else "stale pose")
-    rest = AFTER_S / EVERY_S + 2  # after the planner's landing, since a vehicle without poses may be higher than it seems
+    rest = SETTLES_S / EVERY_S + 2  # after any landing without poses: the vehicle may be higher than it seems
     assert (kinds.count("attitude") > rest) == wrong
     assert any("taken down by attitude and thrust" in said for said in notes.said) == wrong
     assert kinds[-1] == "stop" or not wrong

@@ -28,17 +28,18 @@ LEAST_SHARE, MOST_SHARE, LOW_SHARE, BLIND_SHARE = 0.85, 1.1, 0.9, 0.97
 """Thrust in units of hover: bounds, most near the ground, and without logs."""
 AFTER_S = 1.0
 """Time beyond the planned descent: on the ground the thrust below hover does no harm, a fall does."""
+SETTLES_S = 1.2
+"""Time in which a vehicle that sinks with 0.4 m/s falls by a metre, with the least thrust below."""
 LOW_M = 0.05
 """Height over the ground below which the thrust stays below hover, and a vehicle that is seen is stopped."""
 OFF_TIMES = 25
 
 
 def descend(link: Link, clock: Clock, state: DeadReckoning, ground_m: float, seen: Callable[[], Believed | None],
-            tick: Callable[[], None], brakes: bool = True, lands: bool = True) -> None:
+            tick: Callable[[], None], brakes: bool = True) -> None:
     """Descend by attitude and thrust and stop the motors. ``state``: kept up to date by ``tick``; ``seen()``: the
-    vehicle as believed poses show it, None without. ``brakes``: the last speed is known; ``lands``: from here, not
-    only the rest of a landing."""
-    begun, height_m = clock.now(), max(float(state.position_m[2]) - ground_m, 0.0) if lands else 0.0
+    vehicle as believed poses show it, None without. ``brakes``: the last speed is known."""
+    begun, height_m = clock.now(), max(float(state.position_m[2]) - ground_m, 0.0)
     most_s = height_m / SINK_M_S + AFTER_S
     while (since := clock.now() - begun) < most_s:
         now = seen()
@@ -47,6 +48,20 @@ def descend(link: Link, clock: Clock, state: DeadReckoning, ground_m: float, see
         _try(link.send_setpoint, command(state, since, ground_m, brakes))
         tick()
         clock.sleep_until(clock.now() + EVERY_S)
+    stop_motors(link, clock, tick)
+
+
+def settle(link: Link, clock: Clock, state: DeadReckoning, tick: Callable[[], None]) -> None:
+    """End a landing without poses: level, with thrust below hover, since the vehicle may be higher than it seems."""
+    begun = clock.now()
+    while clock.now() - begun < SETTLES_S:
+        _try(link.send_setpoint, command(state, BRAKE_S, np.inf))
+        tick()
+        clock.sleep_until(clock.now() + EVERY_S)
+    stop_motors(link, clock, tick)
+
+
+def stop_motors(link: Link, clock: Clock, tick: Callable[[], None]) -> None:
     for _ in range(OFF_TIMES):
         _try(link.send_setpoint, setpoint_packets.stop())
         tick()

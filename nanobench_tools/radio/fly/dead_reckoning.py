@@ -42,6 +42,8 @@ NEAR_M_S, PER_S = np.array([0.5, 0.3]), np.array([1.0, 0.1])
 """The same of velocities."""
 PAST = 500
 """Ticks that are kept, to compute the motion again without poses that turned out to be false."""
+MOST_FALSE_S, DEPARTS_S, DEPARTED_M_S, DEPARTED_DEG = 3.0, 0.5, 0.4, 8.0
+"""Longest time for which poses are taken to have been false; and from then to a difference that shows it."""
 NEAR_DEG = 12.0
 """The same of attitudes: the log is 50 ms old, and a vehicle turns by 2 rad/s."""
 
@@ -106,19 +108,32 @@ class DeadReckoning:
             self._past.append(_Moment(*before, acc, gyro))
 
     def rewind(self, seconds: float) -> None:
-        """Forget the poses of the last ``seconds``, which turned out to be false.
+        """Forget the poses of the last ``seconds``, which turned out to be false, and earlier ones if they were false,
+        too. From MOST_FALSE_S ago, the IMU shows when poses departed from it.
 
         The state is that from before them, with the IMU since then."""
-        past = [moment for moment in self._past if moment.time_s >= self.time_s - seconds]
+        now_s = self.time_s
+        past = [moment for moment in self._past if moment.time_s >= now_s - MOST_FALSE_S]
         if not past:
             return
-        now_s, first = self.time_s, past[0]
+        departed_s = self._replay(past, now_s)
+        since_s = min(now_s - seconds, departed_s - DEPARTS_S)
+        self._replay([moment for moment in past if moment.time_s >= since_s] or past[-1:], now_s)
+        self._compared_s = -np.inf
+
+    def _replay(self, past: list[_Moment], now_s: float) -> float:
+        """From the first of these moments by the IMU; returns when poses departed from that, inf if not."""
+        first, departed_s = past[0], np.inf
         self.time_s, self.position_m, self.velocity_m_s = first.time_s, first.position_m, first.velocity_m_s
         self.quaternion, self._bias_m_s2, self.blind_s = first.quaternion, first.bias_m_s2, 0.0
         for earlier, moment in zip(past, [*past[1:], None], strict=True):
             until = now_s if moment is None else moment.time_s
             self._integrate(until, earlier.acc, earlier.gyro, until - earlier.time_s)
-        self._compared_s = -np.inf
+            if moment is not None and departed_s == np.inf:
+                faster = float(np.linalg.norm(moment.velocity_m_s - self.velocity_m_s))
+                turned = float(np.degrees(so3.geodesic_angle(moment.quaternion, self.quaternion)))
+                departed_s = until if faster > DEPARTED_M_S or turned > DEPARTED_DEG else np.inf
+        return departed_s
 
     def shown(self) -> Believed:
         """The vehicle now, a link delay after the newest log."""

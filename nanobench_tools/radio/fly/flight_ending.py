@@ -7,7 +7,7 @@ import numpy as np
 from ..host_clock import Clock
 from ..vehicle_link import FLYING, Link
 from . import safety, setpoint_packets
-from .attitude_descent import descend
+from .attitude_descent import descend, settle
 from .company import ALONE, Company
 from .dead_reckoning import FRESH_S
 from .flight_plan import LANDING, TAKEOFF
@@ -41,6 +41,10 @@ RELEASES = 50
 
 class EstimateLostError(Exception):
     """Poses are missing, and the vehicle's estimate is not trusted: the planner is no help."""
+
+
+class NearGroundError(Exception):
+    """A vehicle that flies by dead reckoning is near the ground: the touchdown would spoil that."""
 
 
 class FlightEnding(FlightState):
@@ -115,14 +119,16 @@ class FlightEnding(FlightState):
             self._check_estimate(self._reckoning.fault if self._seen() is None else "")
             self._by_setpoints(way())
             self._watches_estimate = False
-            if self._seen() is None and np.isfinite(self._reckoning.hover_counts):  # it may be higher than it seems
-                descend(self.link, self.clock, self._reckoning, self.ground_m, self._seen, self._idle, brakes=False,
-                        lands=False)
         except EstimateLostError as lost:
             self._watches_estimate = False
             self._note(f"{lost}: taken down by attitude and thrust")
             descend(self.link, self.clock, self._reckoning, self.ground_m, self._seen, self._idle)
             self._unbelieved = True  # motors off, even if poses come again
+            return
+        except NearGroundError:
+            self._watches_estimate, self._healed_s = False, -np.inf
+        if self._seen() is None and np.isfinite(self._reckoning.hover_counts):
+            settle(self.link, self.clock, self._reckoning, self._idle)
 
     def _check_estimate(self, fault: str) -> None:
         high = self._reckoning.position_m[2] > self.ground_m + TOUCHED_M
@@ -195,12 +201,15 @@ class FlightEnding(FlightState):
         self._cut_outside()
         self._watch_poses()
         fault = self._reckon(self.clock.now(), self.track.at(self.clock.now()))
-        if np.isfinite(self._healed_s) and self._phase not in (GROUND, LANDED):
+        if self._watches_estimate and np.isfinite(self._healed_s):
             self._heal()
         self._check_estimate(fault)
 
     def _heal(self) -> None:
-        """The vehicle's filter gets the pose by dead reckoning, while its IMU is heard."""
+        """The vehicle's filter gets the pose by dead reckoning, while its IMU is heard. After a touchdown it would take
+        off against a motion that is none."""
+        if self._reckoning.position_m[2] < self.ground_m + TOUCHED_M:
+            raise NearGroundError
         if self._reckoning.imu_s < FRESH_S and np.isfinite(self._reckoning.time_s):
             shown = self._reckoning.shown()
             self.link.send_pose(shown.position_m, shown.quaternion)

@@ -31,7 +31,7 @@ TILT_DEG = number("flying.pose_physics.tilt_deg")
 TILT_S = number("flying.pose_physics.tilt_s")
 TILT_LASTS_S = number("flying.pose_physics.tilt_lasts_s")
 TILT_OVER_S = number("flying.pose_physics.tilt_over_s")
-USUAL_S, RECENT_S, KNOWN_S = 5.0, 0.5, 1.5
+USUAL_S, RECENT_S, KNOWN_S = 5.0, 2.0, 1.5
 """Time constant of the usual difference of velocities. The most recent time does not count, since poses may be false
 then. Without KNOWN_S of flight nothing is usual."""
 CLIMB_S = 1.0
