@@ -16,4 +16,6 @@ def goal_m(ground_m: float) -> float:
 def lasts_s(ground_m: float, from_m: float, blind: bool = False) -> float:
     """Duration to command for a landing from a height. ``blind``: the vehicle gets no more poses, and its filter drifts
     from second to second."""
-    return max(SHORTEST_LANDING_S, (from_m - ground_m) / (BLIND_M_S if blind else LANDING_M_S) + (0.0 if blind else SETTLES_S))
+    if blind:
+        return max(SHORTEST_LANDING_S, (from_m - ground_m) / BLIND_M_S)
+    return max(SHORTEST_LANDING_S, (from_m - ground_m) / LANDING_M_S + SETTLES_S)
