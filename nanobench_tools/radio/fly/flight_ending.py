@@ -206,8 +206,8 @@ class FlightEnding(FlightState):
         self._check_estimate(fault)
 
     def _heal(self) -> None:
-        """The vehicle's filter gets the pose by dead reckoning, while its IMU is heard. After a touchdown it would take
-        off against a motion that is none."""
+        """The vehicle's filter gets the pose by dead reckoning, while its IMU is heard. A touchdown looks like
+        a motion, against which the vehicle would take off."""
         if self._reckoning.position_m[2] < self.ground_m + TOUCHED_M:
             raise NearGroundError
         if self._reckoning.imu_s < FRESH_S and np.isfinite(self._reckoning.time_s):
