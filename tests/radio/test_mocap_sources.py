@@ -41,6 +41,11 @@ def test_a_source_that_cannot_be_is_a_usage_error(spec, uri):
         pose_source(spec, uri)
 
 
+def test_a_simulated_vehicle_without_a_port_is_named():
+    with pytest.raises(UsageError, match=r"--uri udp://127\.0\.0\.1: give host and port, such as udp://"):
+        pose_source("simulated", "udp://127.0.0.1")
+
+
 def test_without_the_package_it_says_how_to_install_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "motioncapture", None)
     with pytest.raises(MissingExtraError, match=r'pip install .*\[mocap\]"'):

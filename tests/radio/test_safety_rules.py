@@ -129,6 +129,7 @@ SEEN = {  # rule -> what of the situation it sees at its limit and beyond
     "tilt": ({"tilt_rad": 0.87}, {"tilt_rad": 0.88}),
     "speed": ({"velocity_m_s": np.array([0.0, 3.0, 0.0])}, {"velocity_m_s": np.array([0.0, 3.1, 0.0])}),
     "low battery": ({"battery_V": 2.91}, {"battery_V": 2.89}), "sinks": ({"below_m": 0.3}, {"below_m": 0.31}),
+    "falls": ({"below_m": 0.1, "sinks_m_s": 3.0}, {"below_m": 0.2, "sinks_m_s": 1.21}),
     "silent log": ({"health_age_s": 2.0}, {"health_age_s": 2.1}), "slow link": ({"trip_s": 0.25}, {"trip_s": 0.26}),
     "astray": ({"astray_m": 0.2}, {"astray_m": 0.21})}
 

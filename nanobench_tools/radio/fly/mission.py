@@ -145,6 +145,7 @@ class Flight(FlightEnding):
             self._report(time_s, None)
             return None
         self._now.below_m = float(commanded.position_m[0, 2]) - self._height()
+        self._now.sinks_m_s = float(commanded.velocity_m_s[0, 2] - self._now.velocity_m_s[2])
         self.link.send_setpoint(packet)
         self.pacer.sent(self._now.call_s)
         self._pass_on(packet)

@@ -29,7 +29,7 @@ class Situation:
       the last tick; controller_error: in words.
     - interrupted: name of the signal; supervisor: its bits.
     - streamed: the host flies, not the vehicle's own planner.
-    - below_m: height below the set-point, 0 above it.
+    - below_m: height below the set-point, negative above it; sinks_m_s: speed downwards beyond the commanded one.
     - health_age_s: since the last battery or supervisor value.
     - pose_fault: why the poses are not believed, in words.
     - home_s: time that landing from here takes.
@@ -52,6 +52,7 @@ class Situation:
     interrupted: str = ""
     supervisor: int = 0
     below_m: float = 0.0
+    sinks_m_s: float = 0.0
     health_age_s: float = 0.0
     astray_m: float = float("nan")
     pose_fault: str = ""
@@ -288,6 +289,18 @@ class Sinks:
                 f"battery {now.battery_V:.2f} V")
 
 
+class Falls:
+    """A controller that lets the vehicle fall: from 1 m the vehicle's loops catch it only if they begin at once."""
+
+    name = "falls"
+    MOST_M, MOST_M_S = 0.1, 1.2
+
+    def check(self, now: Situation) -> str:
+        if not (now.below_m > self.MOST_M and now.sinks_m_s > self.MOST_M_S):
+            return ""
+        return f"{now.below_m:.2f} m below the commanded height, sinking {now.sinks_m_s:.1f} m/s faster than commanded"
+
+
 class ControllerFailed:
     """It raised, or what it said is no number."""
 
@@ -366,7 +379,7 @@ def rules(limits: Limits) -> tuple[Rule, ...]:
     return (Interrupted(), LostLink(limits.silent_s), VehicleStopped(), PosesDisagree(), EstimateLost(),
             StalePose(limits.stale_s), ConsoleAlarm(), ControllerFailed(), Overrun(limits.overrun_s, limits.late_ticks),
             HardFence(*limits.fence), Geofence(*limits.fence),
-            Tilt(limits.tilt_deg), Speed(limits.speed_m_s), LowBattery(limits.battery_V), Sinks(), Unheard(),
+            Tilt(limits.tilt_deg), Speed(limits.speed_m_s), LowBattery(limits.battery_V), Sinks(), Falls(), Unheard(),
             SlowLink(), Astray())
 
 

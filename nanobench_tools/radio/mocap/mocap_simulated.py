@@ -20,8 +20,12 @@ def address_of(spec: str, uri: str) -> tuple[str, int]:
         host, port = found.hostname, found.port
     except ValueError:
         host = port = None
-    if not host or not port or (not given and found.scheme not in ("udp", "tcp")):
+    if not given and found.scheme not in ("udp", "tcp"):
         raise UsageError(f"--mocap {spec}: {uri} is no simulated vehicle; give simulated://HOST:PORT")
+    if not host or not port:
+        place, example = (f"--mocap {spec}", "simulated://127.0.0.1:19950") if given else \
+            (f"--uri {uri}", "udp://127.0.0.1:19850")
+        raise UsageError(f"{place}: give host and port, such as {example}")
     return host, port if given else port + PORT_OFFSET
 
 
