@@ -141,7 +141,7 @@ def test_ours_are_loaded_in_a_folder_with_controllers_of_its_own(folder):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("module", "on_path"), [(False, False), (True, True), (True, False), (False, True)])
+@pytest.mark.parametrize(("module", "on_path"), [(False, False), (True, True)])
 def test_ours_fly_from_a_folder_with_controllers_of_its_own(folder, module, on_path):
     path = (folder, ROOT) if on_path else (ROOT,)
     done = nanobench("simulate", "--controller", "geometric", "--flights", 1, "--trajectory", "circle", "--speed",
