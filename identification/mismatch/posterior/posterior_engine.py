@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from nanobench_tools.flight import Flight
+from nanobench_tools.harness.threads import one_thread
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.model import find_term
 
@@ -38,7 +39,13 @@ LAST = 0.9
 
 def diagnose(recordings: Recordings, simulator: Model, *, seed: int = 0,
              progress: Callable[[str], None] | None = None, given: Equivalent | None = None) -> Verdict:
-    """As ``identification.mismatch.diagnosis.diagnose``."""
+    """As ``identification.mismatch.diagnosis.diagnose``. Its matrices are small: on two threads it takes longer."""
+    with one_thread():
+        return _diagnose(recordings, simulator, seed, progress, given)
+
+
+def _diagnose(recordings: Recordings, simulator: Model, seed: int, progress: Callable[[str], None] | None,
+              given: Equivalent | None) -> Verdict:
     start = time.perf_counter()
     say = progress or (lambda text: None)
     opened = open_case(recordings, simulator, start, given)
