@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from nanobench_tools.settings import number
 
 from .background import FORCES, MOMENTS, turning_size
 from .build import Case, rest_of
+from .effects import Effect
 from .set_evidence import CANCELS
 from .sizing import CERTAIN, INSIDE, Refined, nuisance, parts_of
 from .strained import strained
@@ -43,16 +44,54 @@ class Size:
         return abs(self.value - self.believed) / max(self.half, 1e-30)
 
 
-def sizes_of(case: Case, which: int, found: Refined) -> dict[str, Size]:
-    mine = _mine(case, which, found)
-    effect, part, covariance = case.effects[which], found.step[mine], found.covariance[mine, mine]
+def no_predictions() -> float:
+    """Log likelihood of an effect where nothing is predicted."""
+    return 0.0
+
+
+def sizes_of(case: Case, which: int, found: Refined,
+             told: Callable[[], float] = no_predictions) -> dict[str, Size]:
+    """Sizes of one effect of a set by parameter. ``told``: log likelihood that predictions of left-out flights give the
+    effect. It narrows an interval that includes the simulator's value, and no other: it is known roughly."""
+    effect, (part, covariance) = case.effects[which], _known(case, which, found)
+    sizes = _by_parameter(case, effect, part, covariance)
+    if _share(sizes) > 1.0 and _region(part, covariance) > 1.0:
+        return sizes
+    return _by_parameter(case, effect, part, narrowed(part, covariance, told()))
+
+
+def narrowed(part: np.ndarray, covariance: np.ndarray, told: float) -> np.ndarray:
+    """(k, k) covariance of coefficients (k,) if predictions give them a log likelihood ``told`` over zero.
+
+    Along ``part``, the log likelihood is taken as a parabola with its maximum at ``part``. So twice ``told`` is added
+    to the squared distance from zero. Unchanged where this distance is no larger than that of noise: predictions alone
+    are no evidence.
+    """
+    squared = float(part @ np.linalg.solve(covariance, part))
+    gained = 2.0 * max(told, 0.0)
+    if squared <= len(part):
+        return covariance
+    return np.asarray(covariance - np.outer(part, part) * gained / (squared * (squared + gained)))
+
+
+def _by_parameter(case: Case, effect: Effect, part: np.ndarray, covariance: np.ndarray) -> dict[str, Size]:
     if effect.map_share:
         return {f"{effect.term}.share": Size(0.0, float(part[0]), NINETY_FIVE * float(np.sqrt(covariance[0, 0])), "1")}
-    units = dict(zip(found.model.names, found.model.units, strict=True))
+    units = dict(zip(case.space.model.names, case.space.model.units, strict=True))
     around, believed = case.space.model.parameters, case.simulator.parameters
     return {name: Size(believed.get(name, around[name]), around[name] + float(way @ part),
                        NINETY_FIVE * float(np.sqrt(way @ covariance @ way)), units[name])
             for name, way in effect.moves.items()}
+
+
+def _known(case: Case, which: int, found: Refined) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients (k,) of one effect of a set, and their covariance (k, k)."""
+    mine = _mine(case, which, found)
+    return found.step[mine], found.covariance[mine, mine]
+
+
+def _share(sizes: Mapping[str, Size]) -> float:
+    return max(size.share for size in sizes.values())
 
 
 def _mine(case: Case, which: int, found: Refined) -> slice:
@@ -67,17 +106,24 @@ def size_of(case: Case, which: int, found: Refined) -> float:
     return float(np.linalg.norm(part * case.evidence.unit[case.evidence.columns((which,))]))
 
 
-def certainty(case: Case, which: int, found: Refined) -> float:
-    """Distance between the simulator and an effect of a set, relative to the 95 % limit.
+def certainty(case: Case, which: int, found: Refined, told: Callable[[], float] = no_predictions) -> float:
+    """Distance between the simulator and an effect of a set, relative to the 95 % limit; ``told``: as of ``sizes_of``.
 
     The smallest one counts: that of its best known parameter, that of the region of all its directions,
     ``over_error``, or ``_over_scatter``. It is 0 if errors of terms cancel the effect.
     """
-    alone = max(size.share for size in sizes_of(case, which, found).values())
     if _cancelled(case, which, found):
         return 0.0
-    return float(min(_region(case, which, found, found.covariance), alone, over_error(case, which, found),
-                     _over_scatter(case, which, found)))
+    return float(min(_sure(case, which, found, told), over_error(case, which, found),
+                     _over_scatter(case, which, found, told)))
+
+
+def _sure(case: Case, which: int, found: Refined, told: Callable[[], float]) -> float:
+    """Distance of its best known parameter, or of the region of all its directions; the smaller one."""
+    part, covariance = _known(case, which, found)
+    least = min(_share(sizes_of(case, which, found)), _region(part, covariance))
+    return least if least > 1.0 else min(_share(sizes_of(case, which, found, told)),
+                                         _region(part, narrowed(part, covariance, told())))
 
 
 def _cancelled(case: Case, which: int, found: Refined) -> bool:
@@ -91,19 +137,20 @@ def _cancelled(case: Case, which: int, found: Refined) -> bool:
     return parts + float(errors @ work @ errors) > CANCELS**2 * net
 
 
-def _region(case: Case, which: int, found: Refined, covariance: np.ndarray) -> float:
-    """Distance relative to the limit of the 95 % region of all directions of an effect."""
-    mine = _mine(case, which, found)
-    part = found.step[mine]
-    return float(np.sqrt(part @ np.linalg.solve(covariance[mine, mine], part) / chi2.ppf(0.95, len(part))))
+def _region(part: np.ndarray, covariance: np.ndarray) -> float:
+    """Distance relative to the limit of the 95 % region of all directions (k,)."""
+    return float(np.sqrt(part @ np.linalg.solve(covariance, part) / chi2.ppf(0.95, len(part))))
 
 
-def _over_scatter(case: Case, which: int, found: Refined) -> float:
+def _over_scatter(case: Case, which: int, found: Refined, told: Callable[[], float]) -> float:
     """As ``_region``, with the scatter between flights. It decides unless the evidence for the effect alone is
     DECISIVE: flights may differ in the size of an effect that is there beyond doubt."""
     if case.evidence.weighed((which,))[0] >= DECISIVE:
         return float("inf")
-    return _region(case, which, found, found.spread(case))
+    mine = _mine(case, which, found)
+    part, spread = found.step[mine], found.spread(case)[mine, mine]
+    least = _region(part, spread)
+    return least if least > 1.0 else _region(part, narrowed(part, spread, told()))
 
 
 def over_error(case: Case, which: int, found: Refined) -> float:
@@ -116,17 +163,16 @@ def over_error(case: Case, which: int, found: Refined) -> float:
     return size_of(case, which, found) / max(float(np.sqrt(readings)) * float(np.linalg.norm(spike)), 1e-12)
 
 
-def uncertain(case: Case, which: int, found: Refined) -> str | None:
-    """Why an effect of a set is not certain; None if it is."""
-    if certainty(case, which, found) > 1.0:
+def uncertain(case: Case, which: int, found: Refined, told: Callable[[], float] = no_predictions) -> str | None:
+    """Why an effect of a set is not certain; None if it is. ``told``: as of ``sizes_of``."""
+    if certainty(case, which, found, told) > 1.0:
         return None
     if _cancelled(case, which, found):
         return CANCELLED
     if over_error(case, which, found) <= 1.0:
         return f"{size_of(case, which, found):.2g} m/s^2, by which any term may be off"
-    sizes = sizes_of(case, which, found)
-    sure = max(size.share for size in sizes.values()) > 1.0 and _region(case, which, found, found.covariance) > 1.0
-    return f"{SCATTERS if sure else INCLUDES}: {_shortest(sizes)}"
+    why = SCATTERS if _sure(case, which, found, told) > 1.0 else INCLUDES
+    return f"{why}: {_shortest(sizes_of(case, which, found, told))}"
 
 
 def _shortest(sizes: Mapping[str, Size]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -106,7 +107,7 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
     sure = {i: sum(p for s, p in posterior.items()
                    if {evidence.effects[j].term for j in s} & set(kinds[i])) for i in best}
     sure_ones = tuple(i for i in best if sure[i] >= NAMED)
-    left_open = {tuple(sorted(kinds[i])): _finding(case, i, weighing.sizes(best), kinds[i], sure[i], by_term)
+    left_open = {tuple(sorted(kinds[i])): _finding(weighing, i, weighing.sizes(best), kinds[i], sure[i], by_term)
                  for i in sure_ones if kinds_of(kinds[i]) > KINDS}
     rejected |= {open_one.term: f"these flights do not show which of {', '.join(terms)} it is"
                  for terms, open_one in left_open.items()}
@@ -124,7 +125,7 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
         rejected |= {case.effects[i].term: f"no longer identified once {case.effects[first].term} is corrected"
                      for i in gone}
         found = _standing(weighing, tuple(i for i in found.chosen if i not in gone), rejected)
-    findings = tuple(_finding(case, i, found, kinds[i], sure[i], by_term) for i in found.chosen)
+    findings = tuple(_finding(weighing, i, found, kinds[i], sure[i], by_term) for i in found.chosen)
     named = {t for f in findings for t in (f.term, *f.equivalent)}
     leaning = {t: p for t, p in by_term.items() if p >= LEANING and t not in named and t not in rejected}
     rejected |= {t: f"probability {p:.2g}, below {NAMED:g}" for t, p in by_term.items()
@@ -149,8 +150,9 @@ def _certain_of_size(weighing: Weighing, worse: Callable[[Refined, Refined], Seq
         posterior = weighing.weigh()
         best = inside_bounds(weighing, max(posterior, key=lambda s: posterior[s]))
         found = weighing.sizes(best)
-        least = min(best, key=lambda i: certainty(case, i, found), default=None)
-        why = None if least is None else uncertain(case, least, found)
+        told = {i: partial(weighing.gained, best, i) for i in best}
+        least = min(best, key=lambda i: certainty(case, i, found, told[i]), default=None)
+        why = None if least is None else uncertain(case, least, found, told[least])
         if why is None:
             least, why = _spoiling(weighing, best, worse, misled), NOT_MENDED if misled else SPOILS
             misled = True
@@ -166,7 +168,8 @@ def _standing(weighing: Weighing, chosen: tuple[int, ...], rejected: dict[str, s
     large compared with the unexplained force. The others are added to ``rejected`` {term: reason}."""
     case, found = weighing.case, weighing.sizes(chosen)
     while found.chosen:
-        said = {i: why for i in found.chosen if (why := uncertain(case, i, found)) is not None}
+        said = {i: why for i in found.chosen
+                if (why := uncertain(case, i, found, partial(weighing.gained, found.chosen, i))) is not None}
         said |= {i: BEYOND for i in found.chosen if i not in said and on_bound(case, i, found)}
         said = said or overshadowed(case, found)
         if not said:
@@ -197,8 +200,9 @@ def _by_term(case: Case, posterior: Mapping[tuple[int, ...], float]) -> dict[str
     return found
 
 
-def _finding(case: Case, which: int, found: Refined, kind: Mapping[str, float], probability: float,
+def _finding(weighing: Weighing, which: int, found: Refined, kind: Mapping[str, float], probability: float,
              by_term: Mapping[str, float]) -> Finding:
+    case = weighing.case
     effect = case.effects[which]
     part = dict(parts_of(case, found.chosen, found.step))[which]
     force, torque = effect.force @ part, effect.torque @ part
@@ -206,7 +210,8 @@ def _finding(case: Case, which: int, found: Refined, kind: Mapping[str, float], 
                               np.sqrt((torque**2).mean(0)) * case.arm if len(torque) else np.zeros(3)])
     axes = tuple(n for n, size in zip(CHANNELS, by_axis, strict=True) if size > SHOWS * by_axis.max())
     others = {t: by_term[t] for t in kind if t != effect.term and t in by_term}
-    return Finding(effect.term, others, probability, sizes_of(case, which, found),
+    sizes = sizes_of(case, which, found, partial(weighing.gained, found.chosen, which))
+    return Finding(effect.term, others, probability, sizes,
                    float(np.sqrt((force**2).sum(1).mean())),
                    float(np.sqrt((torque**2).sum(1).mean())) if len(torque) else 0.0,
                    size_of(case, which, found), axes)

@@ -16,6 +16,8 @@ import numpy as np
 from nanobench_tools.settings import count, number
 
 from .build import Case
+from .left_out_flights import SLUGGISH
+from .set_evidence import OFFSETS, SHARED
 from .sizing import Refined, refine
 
 Chosen = tuple[int, ...]
@@ -23,6 +25,8 @@ PREDICTED = count("posterior.weighing.predicted")
 """Sets of several that are predicted at most."""
 REACH = number("posterior.weighing.reach")
 """Log odds below the most probable set, beyond which a set is not predicted."""
+NO_SIZE = SLUGGISH.union(SHARED, OFFSETS)
+"""Terms whose size predictions do not show: noisy commands favour them, or the flights of a session share them."""
 
 
 @dataclass
@@ -50,6 +54,12 @@ class Weighing:
         if chosen not in self.told:
             self.told[chosen] = self.judge(self.sizes(chosen), self.sizes(())) if chosen else 0.0
         return self.told[chosen]
+
+    def gained(self, chosen: Chosen, which: int) -> float:
+        """Log likelihood that predictions give the size of one effect of a set; 0 for NO_SIZE."""
+        if self.case.effects[which].term in NO_SIZE:
+            return 0.0
+        return self.judge(self.sizes(chosen), self.sizes(tuple(i for i in chosen if i != which)))
 
     def score(self, chosen: Chosen) -> float:
         """Log probability, but for a constant."""

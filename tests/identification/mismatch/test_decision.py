@@ -89,9 +89,10 @@ def test_an_effect_that_only_predictions_speak_for_gives_way(monkeypatch):
     monkeypatch.setattr(weighing.Weighing, "sizes", lambda self, chosen: chosen)
     monkeypatch.setattr(decision, "inside_bounds", lambda weighed, best: best)
     sizes = certainty.Size(0.0, 0.1, 0.5, "m/s"), certainty.Size(0.0, 0.015, 0.004, "N s/m")
-    monkeypatch.setattr(certainty, "sizes_of", lambda case, i, found: {"x": sizes[i]})
+    monkeypatch.setattr(certainty, "sizes_of", lambda case, i, found, told: {"x": sizes[i]})
+    monkeypatch.setattr(certainty, "_sure", lambda case, i, found, told: sizes[i].share)
     for module in (decision, certainty):
-        monkeypatch.setattr(module, "certainty", lambda case, i, found: sizes[i].share)
+        monkeypatch.setattr(module, "certainty", lambda case, i, found, told: sizes[i].share)
     weighed = weighing.Weighing(case, lambda one, other: {(0,): 30.0, (1,): 20.0}.get(one, 0.0))
     best, posterior, unsure = decision._certain_of_size(weighed, lambda found, without: (0.0,))
     assert best == (1,)
@@ -118,8 +119,8 @@ def test_after_one_that_spoilt_predictions_others_have_to_improve_them(monkeypat
                            effects=[SimpleNamespace(term=t, far=False) for t in ("mass", "wind")])
     monkeypatch.setattr(weighing.Weighing, "sizes", lambda self, chosen: chosen)
     monkeypatch.setattr(decision, "inside_bounds", lambda weighed, best: best)
-    monkeypatch.setattr(decision, "certainty", lambda case, i, found: 9.0)
-    monkeypatch.setattr(decision, "uncertain", lambda case, i, found: None)
+    monkeypatch.setattr(decision, "certainty", lambda case, i, found, told: 9.0)
+    monkeypatch.setattr(decision, "uncertain", lambda case, i, found, told: None)
     weighed = weighing.Weighing(case, lambda one, other: 0.0)
     errors = {(): 1.0, (0,): mass, (1,): wind}
     found = decision._certain_of_size(weighed, lambda found, without: (np.log(errors[found] / errors[without]), 0.0))
@@ -135,8 +136,8 @@ def test_an_effect_that_gave_way_does_not_come_back_for_one_on_its_bound(monkeyp
     case.evidence.effects = case.effects
     monkeypatch.setattr(weighing.Weighing, "sizes", lambda self, chosen: chosen)
     monkeypatch.setattr(indistinguishable, "on_bound", lambda case, i, found: i == 1)
-    monkeypatch.setattr(decision, "certainty", lambda case, i, found: float(i))
-    monkeypatch.setattr(decision, "uncertain", lambda case, i, found: None if i else "uncertain")
+    monkeypatch.setattr(decision, "certainty", lambda case, i, found, told: float(i))
+    monkeypatch.setattr(decision, "uncertain", lambda case, i, found, told: None if i else "uncertain")
     best, _, unsure = decision._certain_of_size(weighing.Weighing(case, lambda one, other: 0.0),
                                                  lambda found, without: (0.0,))
     assert (best, unsure) == ((1,), {"wind": "uncertain"})
@@ -154,6 +155,26 @@ def test_several_directions_have_to_leave_their_common_region(part, certain):
 def test_flights_that_differ_by_as_much_show_only_what_is_beyond_doubt(evidence, certain):
     """2.6 of unit error, with twice that from flight to flight."""
     assert certainty_of([2.6, 0.0], 5.0 * np.eye(2), evidence) == certain
+
+
+@pytest.mark.parametrize(("part", "told", "distance"), [([1.5, 0.0], 4.0, 10.25), ([1.5, 0.0], -4.0, 2.25),
+                                                        ([1.4, 0.0], 90.0, 1.96)])
+def test_predictions_count_where_the_residual_is_more_than_noise(part, told, distance):
+    """Squared distance from zero of two directions of unit error; noise has 2. Predictions add twice their nats."""
+    covariance = certainty.narrowed(np.array(part), np.eye(2), told)
+    assert part @ np.linalg.solve(covariance, part) == pytest.approx(distance)
+    assert covariance[1, 1] == 1.0
+
+
+@pytest.mark.parametrize(("part", "told", "half"), [(2.0, 90.0, 1.96), (1.5, 4.0, 1.96 * 1.5 / 10.25**0.5),
+                                                    (0.9, 90.0, 1.96)])
+def test_predictions_narrow_only_an_interval_that_includes_the_simulator(part, told, half):
+    """One direction of unit error."""
+    model = SimpleNamespace(parameters={"a": 0.0}, names=("a",), units=("1",))
+    case = SimpleNamespace(effects=[SimpleNamespace(width=1, map_share=False, moves={"a": np.ones(1)})],
+                           space=SimpleNamespace(model=model), simulator=SimpleNamespace(parameters={}))
+    found = SimpleNamespace(chosen=(0,), step=np.array([part]), covariance=np.eye(1))
+    assert certainty.sizes_of(case, 0, found, lambda: told)["a"].half == pytest.approx(half)
 
 
 @pytest.fixture
@@ -210,3 +231,13 @@ def test_terms_of_a_family_share_what_flights_show():
 def test_terms_of_one_family_and_twins_are_one_kind(terms, kinds):
     """Counted by hand, in any order."""
     assert {indistinguishable.kinds_of(order) for order in (terms, terms[::-1], sorted(terms))} == {kinds}
+
+
+@pytest.mark.parametrize(("term", "nats"),
+                         [("drag_rotor", 30.0), ("motor_lag", 0.0), ("mass", 0.0), ("com_offset", 0.0)])
+def test_predictions_show_no_size_of_what_noise_or_a_session_feigns(monkeypatch, term, nats):
+    """They favour each by 30 nats."""
+    monkeypatch.setattr(weighing.Weighing, "sizes", lambda self, chosen: chosen)
+    weighed = weighing.Weighing(SimpleNamespace(effects=[SimpleNamespace(term=term)]),
+                                lambda one, other: 30.0 * (len(one) - len(other)))
+    assert weighed.gained((0,), 0) == nats
