@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 Good = Literal["yes", "no", "cannot say"]
@@ -58,7 +58,8 @@ def headline(body: Mapping[str, Any]) -> str:
     before, after = ((half.get(k) or {}).get("position_m") for k in ("before", "after"))
     flights = len(improvement.get("held_out") or [])
     where = f" on {flights} flight{'s' * (flights != 1)} left out" if flights else ""
-    names = ", ".join(f"{one_of(f)} ({f['confidence']:.0%})" for f in body.get("findings") or [])
+    findings = body.get("findings") or []
+    names = ", ".join(f"{one_of(f)}{_axes(f, findings)} ({f['confidence']:.0%})" for f in findings)
     unknown = body.get("unknown") or {}
     between = [one_of({"term": first, "equivalent": others}) for first, *others in unknown.get("between") or []]
     beside = f" and about {' and about '.join(between)}" if between else (
@@ -93,6 +94,13 @@ def one_of(finding: Mapping[str, Any]) -> str:
     members = [finding["term"], *(finding.get("equivalent") or [])]
     rest = len(members) - LISTED
     return " or ".join([*members[:LISTED], *([f"{rest} other{'s' * (rest > 1)}"] if rest > 0 else [])])
+
+
+def _axes(finding: Mapping[str, Any], findings: Sequence[Mapping[str, Any]]) -> str:
+    """Of a finding that shares a term with another one: its axes."""
+    mine = {finding["term"], *(finding.get("equivalent") or [])}
+    shared = any(mine & {f["term"], *(f.get("equivalent") or [])} for f in findings if f is not finding)
+    return f" in {' and '.join(finding['where']['axes'])}" if shared else ""
 
 
 def uses(good: Mapping[str, Good]) -> str:

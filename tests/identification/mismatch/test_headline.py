@@ -55,3 +55,14 @@ def test_headlines():
     assert "wrong about drag_linear (97%) and about wind or mass and about inflow;" in both
     assert headline({"outcome": "insufficient", "improvement": None}) == "Nothing can be said about physics."
     assert uses(good_for(None)).count("cannot say") == 3
+
+
+def test_findings_that_share_a_term_state_their_axes():
+    """Unequal motors turn a vehicle about z; in roll and pitch they act as its centre of mass."""
+    findings = [{"term": "motor_imbalance", "equivalent": [], "confidence": 1.0, "where": {"axes": ["torque z"]}},
+                {"term": "com_offset", "equivalent": ["motor_imbalance"], "confidence": 1.0,
+                 "where": {"axes": ["torque x", "torque y"]}},
+                {"term": "wind", "equivalent": [], "confidence": 0.92, "where": {"axes": ["force x"]}}]
+    assert headline({"outcome": "named", "findings": findings}) == (
+        "The simulator is wrong about motor_imbalance in torque z (100%), com_offset or motor_imbalance in torque x "
+        "and torque y (100%), wind (92%).")
