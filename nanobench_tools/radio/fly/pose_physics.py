@@ -116,7 +116,7 @@ class PosePhysics:
         if self._bad_s < LASTS_S:
             return ""
         self.false_s = CHANGE_S + LASTS_S
-        return f"the velocity of the poses changed by {apart:.1f} m/s more than the accelerometer measured"
+        return f"the velocity of the poses changed by {apart:.1f} m/s more or less than gyro and accelerometer show"
 
     def _most_m_s(self, apart: float, now_s: float, step_s: float) -> float:
         """A vehicle whose poses and IMU agreed well so far is held to it."""
