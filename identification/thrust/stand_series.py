@@ -121,7 +121,8 @@ def check(stand: Stand) -> None:
         raise InputError(f"{place}: column pwm", f"largest PWM is {stand.u.max() * 65535:.0f} counts of 65535",
                          "give its unit in brackets: pwm[1] for a ratio")
     if len(stand) < FEWEST_ROWS:
-        raise InputError(place, f"{len(stand)} rows spin ({stand.still} do not)", f"a fit needs {FEWEST_ROWS}")
+        raise InputError(place, f"{len(stand)} rows spin ({stand.still} do not), and a fit needs {FEWEST_ROWS}",
+                         "measure at more commands between the least that spins and full")
     if stand.u.max() < 1e-3:
         raise InputError(f"{place}: column pwm", f"largest PWM is {stand.u.max() * 65535:.2f} counts of 65535",
                          "a ratio is named pwm[1] in the header")

@@ -27,15 +27,16 @@ def distinct(flights: Sequence[Flight]) -> tuple[list[Flight], list[Repeat]]:
     """(recordings that count, in the order given; those left out).
 
     A recording is left out when its motion capture rows are a run of rows of a longer (or equal) one. They have the
-    same absolute timestamps and the same positions. Of equal ones the first in order of content and path is kept, in
-    any given order.
+    same absolute timestamps and the same positions. Without motion capture, every number is the same. Of equal ones
+    the first in order of content and path is kept, in any given order.
     """
     order = sorted(range(len(flights)), key=lambda i: (-len(_rows(flights[i])[0]), flights[i].epoch_s,
                                                        flights[i].provenance.path))
+    first = _first_equal(flights, order)
     kept: list[int] = []
     repeats: dict[int, Repeat] = {}
     for i in order:
-        whole = next((k for k in kept if is_piece(flights[i], flights[k])), None)
+        whole = first.get(i) if i in first else next((k for k in kept if is_piece(flights[i], flights[k])), None)
         if whole is None:
             kept.append(i)
         else:
@@ -48,14 +49,24 @@ def without_copies(flights: Sequence[Flight]) -> tuple[list[Flight], list[Repeat
     """As ``distinct``, but pieces of longer recordings stay; only recordings equal to another are left out."""
     kept: list[Flight] = []
     repeats: list[Repeat] = []
-    for flight in sorted(flights, key=lambda f: f.provenance.path):
-        rows = len(_rows(flight)[0])
-        same = next((k for k in kept if len(_rows(k)[0]) == rows and is_piece(flight, k)), None)
+    order = sorted(range(len(flights)), key=lambda i: flights[i].provenance.path)
+    first = _first_equal(flights, order)
+    for i in order:
+        flight, rows = flights[i], len(_rows(flights[i])[0])
+        same = flights[first[i]] if i in first else next(
+            (k for k in kept if len(_rows(k)[0]) == rows and is_piece(flight, k)), None)
         if same is None:
             kept.append(flight)
         else:
             repeats.append(Repeat(flight, same, "copy"))
     return [f for f in flights if any(f is k for k in kept)], repeats
+
+
+def _first_equal(flights: Sequence[Flight], order: Sequence[int]) -> dict[int, int]:
+    """Recordings without motion capture that equal an earlier one in ``order`` -> that one."""
+    seen: dict[str, int] = {}
+    first = {i: seen.setdefault(fingerprint(flights[i]), i) for i in order if not len(_rows(flights[i])[0])}
+    return {i: k for i, k in first.items() if k != i}
 
 
 def is_piece(part: Flight, whole: Flight) -> bool:

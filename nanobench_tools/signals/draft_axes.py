@@ -30,6 +30,7 @@ UPWARDS = 0.9
 """Share of the mean specific force that points upwards, where attitude and accelerometer have the same body axes."""
 ANGLES = ("roll", "pitch", "yaw")
 AS_STORED = ("", 1.0, 1.0)
+NOSE_UP = ("", 1.0, -1.0)
 
 TURNED_PITCH = "is positive"
 """Words on a pitch that got its other sign."""
@@ -183,14 +184,16 @@ def _angle_signs(draft: Draft, values: Mapping[str, np.ndarray], step_s: float) 
         draft.ask([("attitude", "roll"), ("attitude", "pitch"), ("imu", "gyro_x"), ("imu", "gyro_y")],
                   "the gyro turns about x as the pitch and about y as the roll: which two columns changed places?")
         return
+    force = draft.mapped.get(("imu", "acc_z"))
+    z_up = force is not None and float(np.nanmedian(force.sign * values[force.column])) > 0.0  # for the gyro as well
     against = [axis for axis, sign in enumerate(found.sign) if sign < 0]
     if against == [ANGLES.index("pitch")] and found.sign[0] > 0:
         follows = _follows(draft, values, angles, step_s)
-        if follows and follows[AS_STORED] > max(FITS, follows["", 1.0, -1.0] + CLEARLY):
+        if follows and follows[AS_STORED] > max(FITS, follows[NOSE_UP] + CLEARLY):
             draft.ask([("imu", "gyro_y")], "it turns against the pitch, with which the vehicle speeds up towards its "
                       "tilt; write sign = -1 there if it is negated")
         else:
-            _turn_pitch(draft, "the gyro turns the other way")
+            _turn_pitch(draft, "the gyro turns the other way", z_up or follows.get(NOSE_UP, -1.0) > FITS)
     elif against:
         unclear = [axis for axis, sign in enumerate(found.sign) if sign == 0]
         draft.ask([key for axis in sorted([*against, *unclear])
@@ -198,9 +201,8 @@ def _angle_signs(draft: Draft, values: Mapping[str, np.ndarray], step_s: float) 
                   "the gyro turns against the attitude; which is negated? write sign = -1 there"
                   + (', or frame = "FRD" in [streams.imu]' if against == [1, 2] else ""))
     elif found.sign[:2] == (1, 1):
-        force = draft.mapped.get(("imu", "acc_z"))
-        if force is not None and float(np.nanmedian(force.sign * values[force.column])) > 0.0:
-            draft.notes[:] = [n for n in draft.notes if PITCH_ASSUMED not in n]  # z up, for the gyro as well
+        if z_up:
+            draft.notes[:] = [n for n in draft.notes if PITCH_ASSUMED not in n]
         _body_by_path(draft, _follows(draft, values, angles, step_s))
 
 
@@ -250,20 +252,21 @@ def _angle_signs_by_path(draft: Draft, values: Mapping[str, np.ndarray], angles:
         return
     if best == AS_STORED:
         draft.notes[:] = [n for n in draft.notes if PITCH_ASSUMED not in n]
-    elif best == ("", 1.0, -1.0):
-        _turn_pitch(draft, "the vehicle speeds up the other way")
+    elif best == NOSE_UP:
+        _turn_pitch(draft, "the vehicle speeds up the other way", shown=True)
     else:
         draft.ask([("attitude", name) for name in ANGLES], "the vehicle speeds up against its tilt: is an angle or a "
                   "position negated (write sign = -1 there), or are the two in worlds of other headings?")
 
 
-def _turn_pitch(draft: Draft, why: str) -> None:
-    """Gives the pitch its other sign."""
+def _turn_pitch(draft: Draft, why: str, shown: bool) -> None:
+    """Gives the pitch its other sign. It is assumed where nothing but one gyro shows it, which may be negated."""
     key: Key = ("attitude", "pitch")
     drafted = draft.mapped[key]
     nose = "up" if drafted.sign > 0 else "down"
     other = f", unlike in {drafted.why}" if drafted.status == "known" and drafted.why != "stated" else ""
-    draft.mapped[key] = replace(drafted, sign=-drafted.sign, status="assumed" if other else drafted.status,
-                                why=f"nose {nose} {TURNED_PITCH}: {why}")
+    assumed = bool(other) or not shown
+    status = "assumed" if assumed or drafted.status == "assumed" else "shown"
+    draft.mapped[key] = replace(drafted, sign=-drafted.sign, status=status, why=f"nose {nose} {TURNED_PITCH}: {why}")
     draft.notes[:] = [n for n in draft.notes if not n.startswith(f"{drafted.column}: taken as positive")]
-    draft.notes.append(f"{drafted.column}: positive nose {nose}{other}, since {why}{'; check it' * bool(other)}")
+    draft.notes.append(f"{drafted.column}: positive nose {nose}{other}, since {why}{'; check it' * assumed}")

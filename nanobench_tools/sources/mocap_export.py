@@ -53,7 +53,7 @@ class Export:
 
     - program, body.
     - columns of position (3,) and attitude (4, 9, 3 or none) by place; ``turn``: one of quaternion, matrix, euler.
-    - length: m per unit; order: axes of the angles, first turn first.
+    - length: m per unit; order: axes of the angles, first turn first; ``angles``: their names.
     - time: place of seconds, else of frames, with their rate; first, end: rows of data (None: up to the last)."""
 
     program: str
@@ -69,6 +69,7 @@ class Export:
     note: str = ""
     end: int | None = None
     order: str = "XYZ"
+    angles: tuple[str, ...] = ()
 
 
 class MocapExport:
@@ -78,7 +79,7 @@ class MocapExport:
 
     def __init__(self, body: str = "") -> None:
         self.body = body
-        self.version = f"4-{body}"
+        self.version = f"5-{body}"
 
     def recognises(self, path: Path, head: bytes) -> bool:
         return program_of(head) != ""
@@ -138,9 +139,10 @@ def _number(row: list[str], column: int, decimal: str) -> float:
 
 
 def _assumed(export: Export) -> tuple[Assumption, ...]:
-    """The order and the signs of Euler angles, which are a setting of the program."""
-    return (Assumption("mocap", ", ".join(EULER["XYZ".index(a)] for a in export.order),
+    """The order and the signs of Euler angles, which are a setting of the program. Motive states the order."""
+    return (Assumption("mocap", ", ".join(export.angles),
                        "deg about axes of the body in this order, signs by the right hand",
+                       "the header states their order alone" if export.program == "Motive" else
                        "a setting of the program that no line of the file states"),) * (export.turn == "euler")
 
 
@@ -197,14 +199,19 @@ def _motive(rows: list[list[str]], place: str, body: str) -> Export:
         raise InputError(place, "a Motive export without the position of its body", "export positions, too")
     turn = first.get("Rotation", {})
     kind = about.get("Rotation Type", "Quaternion")
-    whole = kind.lower().startswith("quat") and {"X", "Y", "Z", "W"} <= set(turn)
-    note = "" if whole else f"the rotation ({kind}) is not read: export quaternions"
+    known, order = "", "XYZ"
+    if kind.lower().startswith("quat") and {"X", "Y", "Z", "W"} <= set(turn):
+        known = "quaternion"
+    elif sorted(kind.upper()) == ["X", "Y", "Z"] and set(turn) == {"X", "Y", "Z"}:
+        known, order = "euler", kind.upper()
+    axes = {"quaternion": "XYZW", "euler": order}.get(known, "")
+    note = "" if known else f"the rotation ({kind}) is not read: export quaternions"
     unit = _length(about.get("Length Units", ""), place)
     seconds = next((k for k, n in enumerate(rows[names]) if n.strip().startswith("Time")), None)
     rate = None if seconds is not None else _rate(about.get("Export Frame Rate", ""), place)
     return Export("Motive", tuple(at), tuple(first["Position"][a] for a in "XYZ"),
-                  tuple(turn[a] for a in "XYZW") if whole else (), "quaternion" if whole else "", unit,
-                  0 if seconds is None else seconds, rate, names + 1, Y_UP, note)
+                  tuple(turn[a] for a in axes), known, unit, 0 if seconds is None else seconds, rate, names + 1, Y_UP,
+                  note, order=order, angles=tuple(f"Rotation {a}" for a in order))
 
 
 def _qualisys(rows: list[list[str]], place: str, body: str) -> Export:
@@ -235,7 +242,7 @@ def _qualisys(rows: list[list[str]], place: str, body: str) -> Export:
     return Export("Qualisys", bodies or ("body",), (x, x + 1, x + 2), attitude, turn, factor("mm"),
                   frame if seconds is None else seconds,  # without both, the rows are counted
                   None if seconds is not None else _rate(about.get("FREQUENCY", [""])[0], place), names + 1, "", note,
-                  order="".join("XYZ"[EULER.index(axes[k])] for k in euler))
+                  order="".join("XYZ"[EULER.index(axes[k])] for k in euler), angles=tuple(axes[k] for k in euler))
 
 
 def _vicon(rows: list[list[str]], place: str, body: str) -> Export:
@@ -351,7 +358,7 @@ def _check_turns(cells: np.ndarray, export: Export, place: str) -> None:
         return
     if export.turn == "euler":
         if (most := float(np.abs(there).max())) > FULL_TURN_DEG:
-            raise InputError(place, f"{', '.join(EULER)} reach {most:.4g}: no angles in degrees", "export degrees")
+            raise InputError(place, f"{', '.join(export.angles)} reach {most:.4g}: no angles in degrees", "export degrees")
         return
     parts = there if export.turn == "quaternion" else there.reshape(-1, 3)  # rows of a matrix have length 1, too
     length = np.linalg.norm(parts, axis=1)

@@ -193,6 +193,20 @@ def table_of(tmp_path, columns):
     return draft_columns(tmp_path / "flight.csv")
 
 
+@pytest.mark.parametrize(("also", "status"), [("path", "shown"), ("acc", "shown"), ("", "assumed")])
+def test_a_gyro_alone_does_not_show_the_sign_of_a_pitch(tmp_path, also, status):
+    """Its axis may be the one that is negated."""
+    t, p, _, a, turn, w = flown()
+    yaw, pitch, roll = np.rad2deg(turn.as_euler("ZYX")).T
+    further = {"path": dict(zip("xyz", p.T, strict=True)), "": {}, "acc": dict(zip(
+        ("acc_x", "acc_y", "acc_z"), turn.inv().apply(a + [0.0, 0.0, 9.81]).T, strict=True))}[also]
+    draft = table_of(tmp_path, {"t": t, "roll_deg": roll, "pitch_deg": -pitch, "yaw_deg": yaw, **further,
+                                **{f"gyro_{n}": w[:, i] for i, n in enumerate("xyz")}})
+    assert 'column = "pitch_deg", unit = "deg", sign = -1' in draft.text
+    assert draft.status["pitch_deg"] == status
+    assert any("check it" in note for note in draft.notes if note.startswith("pitch_deg")) == (status == "assumed")
+
+
 def test_exchanged_angles_and_a_yaw_of_a_whole_turn_are_asked_about(tmp_path):
     t, _, _, _, turn, w = flown()
     yaw, pitch, roll = turn.as_euler("ZYX").T

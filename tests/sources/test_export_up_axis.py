@@ -21,13 +21,23 @@ def motive(t, p, turn):
     return head + "".join(f"{k},{','.join(f'{c:.6f}' for c in row)}\n" for k, row in enumerate(cells))
 
 
+def motive_angles(t, p, turn):
+    """Angles in an order that the first line states, in columns X, Y and Z."""
+    head, *rows = motive(t, p, turn).split("\n", 7)[:8]
+    lines = [head.replace("Quaternion", "YXZ"), *(r.replace(",W,", ",").replace(",Rigid Body", "", 1).replace(
+        ",a,", ",", 1).replace(",1,", ",", 1).replace("Rotation,", "", 1) for r in rows[:6])]
+    y, x, z = turn.as_euler("YXZ", degrees=True).T
+    cells = np.column_stack([t, x, y, z, 1000.0 * p])
+    return "\n".join([*lines, *(f"{k},{','.join(f'{c:.6f}' for c in row)}" for k, row in enumerate(cells))]) + "\n"
+
+
 def qualisys(t, p, turn):
     head = f"NO_OF_FRAMES\t{len(t)}\nFREQUENCY\t50\nBODY_NAMES\ta\nFrame\tTime\ta X\tY\tZ\tRoll\tPitch\tYaw\n"
     cells = np.column_stack([t, 1000.0 * p, turn.as_euler("XYZ", degrees=True)])
     return head + "".join("\t".join([str(k), *(f"{c:.6f}" for c in row)]) + "\n" for k, row in enumerate(cells))
 
 
-@pytest.mark.parametrize("program", [motive, qualisys])
+@pytest.mark.parametrize("program", [motive, motive_angles, qualisys])
 @pytest.mark.parametrize("axes", [np.eye(3), EAST_UP_SOUTH], ids=["z up", "y up"])
 @pytest.mark.parametrize("hidden", [False, True], ids=["all seen", "zeros while hidden"])
 def test_the_axis_that_is_up_is_shown_by_the_ground(tmp_path, program, axes, hidden):
@@ -44,6 +54,8 @@ def test_the_axis_that_is_up_is_shown_by_the_ground(tmp_path, program, axes, hid
     read = Rotation.from_quat(mocap["qx", "qy", "qz", "qw"][~rows])
     assert (read.inv() * turn[~rows]).magnitude().max() < 1e-4
     usual = np.array_equal(axes, np.eye(3)) == (program is qualisys)
+    assert [a.column for a in flight.provenance.assumptions] == {
+        motive: [], motive_angles: ["Rotation Y, Rotation X, Rotation Z"], qualisys: ["Roll, Pitch, Yaw"]}[program]
     assert any("is up, since" in note for note in flight.provenance.notes) != usual
 
 
