@@ -19,7 +19,7 @@ from .base import cell_faults, text_fault
 from .cells import Grid, LostRow, read_grid
 from .dialect import clean_name, normalise_text
 from .payload import HEAD_BYTES, read_file, unpack
-from .tum_layout import NORM_TOLERANCE
+from .tum_layout import NORM_TOLERANCE, POSE, look, text_of
 from .units_as_written import unit_as_written
 
 AXES = "xyz"
@@ -123,9 +123,24 @@ def columns_of(line: str) -> AslColumns | None:
     return AslColumns(raw[0], scale, vectors, tuple(lacking))
 
 
+def as_table(data: bytes) -> bytes:
+    """A TUM trajectory in s and m, of eight cells a row, as a table of a sensor; any other text as it is."""
+    if b"\x00" in data[:512] or columns_of(header_line(data)) is not None:
+        return data
+    lines = text_of(data).split("\n")
+    seen = look(lines)
+    rows = [cells for line in lines if (cells := line.split("#", 1)[0].split())]
+    if (seen.layout is None or not seen.poses or seen.layout.length != 1.0 or seen.layout.time_unit not in ("", "s")
+            or any(len(row) != len(POSE) + 1 for row in rows)):
+        return data
+    names = ["#timestamp [s]", *(f"{name} [{unit}]" for vector in ("position", "quaternion")
+                                 for names, unit in [VECTORS[vector]] for name in names)]
+    return "\n".join(",".join(row) for row in (names, *([row[k] for k in seen.layout.order] for row in rows))).encode()
+
+
 def span_of(path: Path) -> tuple[AslColumns, int, int] | None:
     """Columns of a table and its first and last timestamp, ns; None for any other file, and one without them."""
-    data = unpack(read_file(path), str(path)).data
+    data = as_table(unpack(read_file(path), str(path)).data)
     columns = columns_of(header_line(data))
     lines = [line for line in data.split(b"\n") if line.strip()]
     if columns is None or len(lines) < 2:

@@ -17,13 +17,14 @@ from pathlib import Path
 import numpy as np
 
 from .. import so3
-from ..errors import InputError
+from ..errors import InputError, NanobenchError
 from ..flight import Fault, Flight, Provenance, Stream, make_stream
-from .asl_sensor import SENSORS, AslRows, columns_of, header_line, read_rows, sensor_to_body, span_of
+from .asl_sensor import SENSORS, AslRows, as_table, columns_of, header_line, read_rows, sensor_to_body, span_of
 from .axes import Frame, in_our_axes, name_of
 from .members import Gathered, names_in
-from .payload import ZIP_MAGIC
+from .payload import ZIP_MAGIC, head
 from .sheets import Sheet
+from .tum import TumTrajectory
 
 DATA, SHEET, ROOT = "data.csv", "sensor.yaml", "mav0"
 _FOLDER = re.compile(rf"({'|'.join(SENSORS)})\d+")
@@ -115,23 +116,38 @@ class EurocAsl:
                 continue
             folder = name.split("/")[-2] if "/" in name else ""
             where = str(place) if len(members) == 1 or not place.is_dir() else f"{place}/{name}"
-            sensors.append(Sensor(folder, where, read_rows(data, where), sheets.get(folder)))
+            sensors.append(Sensor(folder, where, read_rows(as_table(data), where), sheets.get(folder)))
         if not sensors:
             raise InputError(str(place), "no table of a sensor in it", "take another copy")
         return _flight(place, sensors, {k: t for k, t in sheets.items() if _CAMERA.fullmatch(k) and t is not None})
 
 
 def _pairs(lone: list[Gathered]) -> list[Gathered]:
-    """One recording in place of an inertial sensor and a truth that are alone in a folder, whose times overlap."""
+    """One recording in place of an inertial sensor and a truth that are alone in a folder, whose times overlap. The
+    truth may be a TUM trajectory."""
     found = []
     for folder in dict.fromkeys(group.place.parent for group in lone):
         here = [group for group in lone if group.place.parent == folder]
+        if len(here) == 1:
+            here += _trajectory_in(folder)
         spans = [span for group in here if (span := span_of(group.place)) is not None] if len(here) == 2 else []
         roles = {"position" in columns.vectors for columns, *_ in spans}
         if len(spans) == 2 and roles == {True, False} and max(s[1] for s in spans) < min(s[2] for s in spans):
             here = [Gathered(folder, folder, {name: path for group in here for name, path in group.files.items()})]
-        found += here
+        found += [group for group in here if len(here) == 1 or group in lone]
     return found
+
+
+def _trajectory_in(folder: Path) -> list[Gathered]:
+    """The only TUM trajectory of a folder."""
+    found = []
+    for path in sorted(folder.iterdir()):
+        try:
+            if path.is_file() and TumTrajectory().recognises(path, head(path)):
+                found.append(Gathered(path, path, {path.name: path}))
+        except NanobenchError:
+            continue  # listed where it is read
+    return found if len(found) == 1 else []
 
 
 def _flight(place: Path, sensors: list[Sensor], cameras: Mapping[str, np.ndarray]) -> Flight:

@@ -254,6 +254,26 @@ def test_a_sensor_and_its_truth_side_by_side_are_one_recording(tmp_path, truth):
         np.testing.assert_array_equal(flight[name].time_s, whole[name].time_s)
 
 
+@pytest.mark.parametrize("further", [0, 1])
+def test_a_sensor_and_a_trajectory_side_by_side_are_one_recording(tmp_path, further):
+    """Not where a second trajectory is there: which one is the truth?"""
+    t, p, _, _, turn, _ = flown()
+    files = members("vicon0")
+    (tmp_path / "imu.csv").write_bytes(files["imu0/data.csv"])
+    stamps = [(EPOCH_NS + round(s * 1e9)) for s in t]
+    rows = [" ".join([f"{ns // 10**9}.{ns % 10**9:09d}", *(f"{c:.9f}" for c in row)])
+            for ns, row in zip(stamps, np.hstack([p, turn.as_quat()]), strict=True)]
+    for k in range(1 + further):
+        (tmp_path / f"truth{k}.tum").write_text("\n".join(["# timestamp tx ty tz qx qy qz qw", *rows]))
+    flights = load_recordings([tmp_path], cache=False).flights
+    assert len(flights) == (3 if further else 1)
+    if not further:
+        mocap = flights[0]["mocap"]
+        np.testing.assert_allclose(flights[0].epoch_s + mocap.time_s, [ns * 1e-9 for ns in stamps], atol=1e-6)
+        np.testing.assert_allclose(mocap["px", "py", "pz"], p, atol=1e-8)
+        assert "gyro_x" in flights[0]["imu"]
+
+
 def test_a_sensor_and_the_truth_of_another_day_stay_two_recordings(tmp_path):
     files = members()
     later = files["imu0/data.csv"].replace(b"\n14", b"\n15")
