@@ -358,7 +358,8 @@ def _check_turns(cells: np.ndarray, export: Export, place: str) -> None:
         return
     if export.turn == "euler":
         if (most := float(np.abs(there).max())) > FULL_TURN_DEG:
-            raise InputError(place, f"{', '.join(export.angles)} reach {most:.4g}: no angles in degrees", "export degrees")
+            raise InputError(place, f"{', '.join(export.angles)} reach {most:.4g}: no angles in degrees",
+                             "export degrees")
         return
     parts = there if export.turn == "quaternion" else there.reshape(-1, 3)  # rows of a matrix have length 1, too
     length = np.linalg.norm(parts, axis=1)

@@ -199,7 +199,7 @@ def test_a_gyro_alone_does_not_show_the_sign_of_a_pitch(tmp_path, also, status):
     t, p, _, a, turn, w = flown()
     yaw, pitch, roll = np.rad2deg(turn.as_euler("ZYX")).T
     further = {"path": dict(zip("xyz", p.T, strict=True)), "": {}, "acc": dict(zip(
-        ("acc_x", "acc_y", "acc_z"), turn.inv().apply(a + [0.0, 0.0, 9.81]).T, strict=True))}[also]
+        ("acc_x", "acc_y", "acc_z"), turn.inv().apply(a + G).T, strict=True))}[also]
     draft = table_of(tmp_path, {"t": t, "roll_deg": roll, "pitch_deg": -pitch, "yaw_deg": yaw, **further,
                                 **{f"gyro_{n}": w[:, i] for i, n in enumerate("xyz")}})
     assert 'column = "pitch_deg", unit = "deg", sign = -1' in draft.text
