@@ -166,8 +166,9 @@ def _column(flight: Flight, stream: str, quantity: str) -> str:
 
 
 def _quantities(flight: Flight) -> Iterator[tuple[str, str]]:
+    """Without columns that are only carried along, which no command uses."""
     for name, stream in flight.streams.items():
-        yield from ((name, q) for q in ("t", *stream.quantities) if name != "extra")
+        yield from ((name, q) for q in ("t", *stream.quantities) if not name.startswith("extra"))
 
 
 def mutations(sheet: Sheet) -> Iterator[tuple[str, Sheet]]:

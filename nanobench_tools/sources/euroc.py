@@ -164,7 +164,7 @@ def _flight(place: Path, sensors: list[Sensor], cameras: Mapping[str, np.ndarray
         elif "gyro" in has or "acc" in has:
             stream = "imu" if "imu" not in streams else f"extra_{sensor.name}"
         else:
-            stream = f"extra_{sensor.name}"
+            stream = f"extra_{sensor.name or 'pose'}"
         time_s = (sensor.rows.stamps_ns - zero) * 1e-9
         made, more = _in_body(sensor, stream, time_s)
         streams.update(made)
