@@ -29,6 +29,7 @@ SCALES = (1000.0, 0.001, 100.0, 180.0 / np.pi, np.pi / 180.0)
 SAYING = frozenset({"unit", "frame", "body_frame", "axis_swap", "sign", "quaternion_order", "bad_cell", "coarse_time",
                     "no_common_time", "saturated_sensor", "never_flew", "constant_offset", "backward_time"})
 """Kinds of fault that say of a quantity that it is not what it should be, rather than of rows that some are lost."""
+QUATERNION = ("qx", "qy", "qz", "qw")
 SUFFIXES = (".csv", ".tsv", ".txt", ".tum")
 SAME = 1e-6
 """Relative difference of two readings of one value."""
@@ -130,7 +131,8 @@ def outcome(whole: Reading, found: Reading | None) -> tuple[str, str]:
     """(right, refused, asked, assumed, audited, open or SILENT; the first quantity that differs). Open: the audit lists
     the column as unchecked.
 
-    Only a new fault in a quantity that differs counts as said, and only of a kind in ``SAYING``."""
+    Only a new fault in a quantity that differs counts as said, and only of a kind in ``SAYING``. An attitude and a gyro
+    contradict each other, so that a fault of the gyro counts for both."""
     if found is None:
         return "refused", ""
     differs = [(s, q) for s, q in _quantities(found.flight) if not _same(whole.flight, found.flight, s, q)]
@@ -146,7 +148,8 @@ def outcome(whole: Reading, found: Reading | None) -> tuple[str, str]:
     faults = {f"{f.kind} {f.stream} {','.join(f.columns)}" for f in audit(found.flight).faults
               if (f.kind, f.stream, f.columns) not in before and f.kind in SAYING
               and (not f.columns or any((f.stream == s and {q, _column(found.flight, s, q)} & set(f.columns))
-                                        or q in f.evidence.split() or q == "t" in f.columns for s, q in sure))}
+                                        or q in f.evidence.split() or q == "t" in f.columns
+                         or (q in QUATERNION and f.stream == "imu") for s, q in sure))}
     if faults:
         return "audited", f"{first}: {'; '.join(sorted(faults))}"
     left = " ".join(audit(found.flight).unchecked)
@@ -157,6 +160,9 @@ def _same(whole: Flight, found: Flight, stream: str, quantity: str) -> bool:
     if stream not in whole or (quantity != "t" and quantity not in whole[stream]):
         return quantity == "t"  # values that the whole table does not give differ
     ours, theirs = (f[stream].time_s if quantity == "t" else f[stream][quantity] for f in (found, whole))
+    if quantity in QUATERNION and len(ours) == len(theirs) and all(n in f[stream] for f in (found, whole)
+                                                                   for n in QUATERNION):
+        ours = ours * np.sign((found[stream][QUATERNION] * whole[stream][QUATERNION]).sum(axis=1))  # q and -q are one
     within = SAME_ROW * abs(float(np.nanmedian(np.diff(theirs)))) if quantity == "t" and len(theirs) > 1 else 1e-12
     return len(ours) == len(theirs) and np.allclose(ours, theirs, rtol=SAME, atol=within, equal_nan=True)
 

@@ -13,7 +13,14 @@ from nanobench_tools.flight import Fault
 from nanobench_tools.pages.environment import environment
 from nanobench_tools.pages.packed import compressed
 from nanobench_tools.pages.plotly_json import spec
-from nanobench_tools.pages.report_page import FIGURE_SCRIPTS, breakable, library, template
+from nanobench_tools.pages.report_page import (
+    FIGURE_SCRIPTS,
+    breakable,
+    library,
+    made_on,
+    recordings_of,
+    template,
+)
 from nanobench_tools.physics.model import find_term
 from nanobench_tools.results.result import to_json
 from nanobench_tools.results.result_files import write_bytes
@@ -60,7 +67,9 @@ def page_text(verdict: Verdict, recordings: Recordings, synthetic: bool) -> str:
     figures = drawings(drawn, [(h, f"{1e3 * h * ROW_S:.0f} ms") for h in HORIZONS], n, recorded)
     return environment(breakable=breakable, dash=DASH).get_template("mismatch.html").render(
         label="SYNTHETIC" if synthetic else "", version=__version__, library=library(), css=template("report.css"),
-        scripts=[template(name) for name in FIGURE_SCRIPTS], sections=SECTIONS, outcome=OUTCOMES[body["outcome"]],
+        title=recordings_of(recordings.names, [f.provenance.path for f in recordings.flights]) or "no recordings",
+        made=made_on({"diagnose": body}), scripts=[template(name) for name in FIGURE_SCRIPTS],
+        sections=SECTIONS, outcome=OUTCOMES[body["outcome"]],
         body=body, figures=figures, judged=verdict.left is not None, torques=bool(drawn.get("rms", {}).get(
             "samples", [0] * 6)[3]), named=bool(body["findings"]), held_out=held_out,
         n=n, recorded=recorded, left_out=[], failed=[], tables=tables(verdict, body, drawn, recordings),

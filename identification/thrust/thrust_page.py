@@ -35,15 +35,16 @@ VOLTAGES: tuple[Colour, ...] = ("red", "orange", "green", "sky", "blue")
 UNITS = {"stand": (1e3, "mN per motor", 2), "flight": (1.0, "m/s²", 4)}
 
 
-def thrust_page(found: ThrustResult, synthetic: bool, assumed: str = "") -> str:
-    """The page as text. ``synthetic``: every caption says so; ``assumed``: see ``ThrustFormula.described``."""
+def thrust_page(found: ThrustResult, title: str, synthetic: bool, assumed: str = "") -> str:
+    """The page as text. ``title``: the recordings; ``synthetic``: every caption says so; ``assumed``: see
+    ``ThrustFormula.described``."""
     parts = [part(kind, mine, [r for r in found.rows if r.kind == kind], assumed)
              for kind, mine in (("stand", found.stand), ("flight", found.flight)) if mine is not None]
     drawings = {f"{p['kind']}-{name}": figure for p in parts for name, figure in (p["lead"] | p["figures"]).items()}
     return environment(breakable=breakable, dash=DASH).get_template("thrust.html").render(
-        label="SYNTHETIC" if synthetic else "", version=__version__, parts=parts, library=library(),
-        css=template("report.css"), scripts=[template(name) for name in FIGURE_SCRIPTS], left_out=found.left_out,
-        failed=[], data=compressed({name: spec(figure) for name, figure in drawings.items()}))
+        label="SYNTHETIC" if synthetic else "", title=title, made="", version=__version__, parts=parts,
+        library=library(), css=template("report.css"), scripts=[template(name) for name in FIGURE_SCRIPTS],
+        left_out=found.left_out, failed=[], data=compressed({name: spec(figure) for name, figure in drawings.items()}))
 
 
 def part(kind: str, mine: StandResult | FlightResult, rows: Sequence[ErrorRow], assumed: str = "") -> dict[str, Any]:

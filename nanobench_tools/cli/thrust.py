@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from ..errors import UsageError
+from ..flight import Flight
 from ..protocols.sessions import short_note
 from ..results.result import to_json
 from ..steps.options import Options
@@ -57,7 +60,7 @@ def thrust(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
     found, kinds = thrust_maps(options, flights, parts, mass_kg)
     assumed = "--mass" if mass is None else ""
     if options.out is not None:
-        _write(options, options.out, found, assumed)
+        _write(options, options.out, found, flights, assumed)
     why, command = ("see it", shown_page(options.out / "thrust.html")) if options.out is not None else (
         "as files", tuple(again("--out", "thrust")))
     close(options, thrust_sentence(found), why, *command,
@@ -66,9 +69,10 @@ def thrust(options: Options, train: tuple[Path, ...], test: tuple[Path, ...], ma
     return options.finish("thrust", to_json(found))
 
 
-def _write(options: Options, out: Path, found: ThrustResult, assumed: str) -> None:
+def _write(options: Options, out: Path, found: ThrustResult, flights: Sequence[Flight], assumed: str) -> None:
     from identification.thrust.thrust_page import thrust_page
 
+    from ..pages.report_page import recordings_of
     from ..results.result_files import write_bytes
 
     out.mkdir(parents=True, exist_ok=True)
@@ -77,7 +81,9 @@ def _write(options: Options, out: Path, found: ThrustResult, assumed: str) -> No
         write_bytes(out / "terms.toml", first.chosen.toml.encode())
         if first.chosen.firmware:
             write_bytes(out / "thrust_firmware.h", first.chosen.firmware.encode())
-    page = thrust_page(found, options.synthetic, assumed)
+    data = recordings_of([f.name for f in flights], [f.provenance.path for f in flights])
+    made = datetime.fromtimestamp(options.started, UTC).date().isoformat()
+    page = thrust_page(found, f"{data}, {made}", options.synthetic, assumed)
     write_bytes(out / "thrust.html", page.encode(errors="replace"))
     options.say(f"{out / 'thrust.html'} ({len(page) / 1e6:.1f} MB)")
 

@@ -20,6 +20,8 @@ LETTERS_ON_A_PHONE = 18
 """A longer name of a row loses its beginning."""
 SHORTEST_DECADES, LONGEST_DECADES = 0.7, 3.0
 """Between these a logarithmic axis has ticks at 1, 2 and 5, above at powers of ten, below at even steps."""
+EDGE = 0.03
+"""Room at both ends of a path, as a share of its width."""
 
 
 def spec(drawing: Drawing) -> dict[str, Any]:
@@ -39,6 +41,7 @@ def spec(drawing: Drawing) -> dict[str, Any]:
             first_timed = first_timed or f"x{n}"
         if panel.equal:
             x["constrain"], y["constrain"], y["scaleanchor"] = "range", "domain", f"x{n}"
+            x.setdefault("range", _with_margin(panel))
         layout |= {f"xaxis{n}": {**x, "anchor": f"y{n}"}, f"yaxis{n}": {**y, "anchor": f"x{n}"}}
         layout["shapes"] += _shapes(panel, f"x{n}", f"y{n}")
         if panel.title:
@@ -53,6 +56,14 @@ def spec(drawing: Drawing) -> dict[str, Any]:
         place["left"] = max(other["left"] for other in timed)
     return {"title": drawing.title, "note": drawing.note, "cursor": drawing.cursor, "panels": panels, "data": data,
             "layout": layout}
+
+
+def _with_margin(panel: Panel) -> list[float]:
+    """First and last x with room for the width of a line, which would be cut at the frame."""
+    values = np.concatenate([np.zeros(0), *(_finite(v) for mark in panel.marks for v in _ends(mark, "x"))])
+    low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
+    room = EDGE * max(high - low, 0.05)
+    return [low - room, high + room]
 
 
 def _place(panel: Panel) -> dict[str, Any]:

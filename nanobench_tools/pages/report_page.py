@@ -156,13 +156,18 @@ def sections(results: Mapping[str, Mapping[str, Any]], tables: Sequence[Table],
 def title_of(results: Mapping[str, Mapping[str, Any]]) -> str:
     """Name the data: the folder of the recordings, or the one recording."""
     flights = (results.get("audit") or {}).get("flights") or []
-    paths = [Path(str(f["path"])) for f in flights if f.get("path")]
-    if len(flights) == 1:
-        return str(flights[0]["flight"])
-    folders = list(dict.fromkeys(p.parent.name for p in paths if p.parent.name))
+    return recordings_of([str(f["flight"]) for f in flights],
+                         [str(f["path"]) for f in flights if f.get("path")]) or "nanobench report"
+
+
+def recordings_of(names: Sequence[str], paths: Sequence[str]) -> str:
+    """The one recording, or how many of which folders; empty without any."""
+    if len(names) == 1:
+        return names[0]
+    folders = list(dict.fromkeys(folder for path in paths if (folder := Path(path).parent.name)))
     more = " and others" if len(folders) > NAMED_FOLDERS else ""
     where = f" of {', '.join(folders[:NAMED_FOLDERS])}{more}" if folders else ""
-    return f"{len(flights)} recordings{where}" if flights else "nanobench report"
+    return f"{len(names)} recordings{where}" if names else ""
 
 
 def made_on(results: Mapping[str, Mapping[str, Any]]) -> str:
