@@ -24,7 +24,8 @@ MAP = "draft a column map (nanobench columns FILE --out MAP.toml) and read it wi
 PARQUET_MAGIC = b"PAR1"
 OF_PROGRAMS = {
     re.compile(rb"MATLAB \d"): "a file of MATLAB: write its variables to a CSV there (writetable)",
-    re.compile(rb"\xd0\xcf\x11\xe0|PK\x03\x04(?s:.*)\[Content_Types\]\.xml"): "a workbook: save its sheet as CSV"}
+    re.compile(rb"\xd0\xcf\x11\xe0|PK\x03\x04(?s:.*)(\[Content_Types\]\.xml|opendocument\.spreadsheet)"):
+        "a workbook: save its sheet as CSV"}
 """First bytes of files of other programs -> what they are and how to get a table."""
 
 
