@@ -2,12 +2,16 @@
 
 import functools
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ..flight import Flight
 from ..results.result import OPTIONAL, Result
+
+FORMAT = "nanobench"
+"""Source of the recordings of which the tables were published."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -33,6 +37,11 @@ class Published(Result):
 def published() -> dict[str, Any]:
     """{task1, task2, task3} as in published.toml: metrics in SI, {mean, std} over flights (task 1: by horizon)."""
     return tomllib.loads((Path(__file__).with_name("published.toml")).read_text(encoding="utf-8"))
+
+
+def may_be_published(flights: Iterable[Flight]) -> bool:
+    """Whether a real recording in the format of the published ones is among these."""
+    return any(f.provenance.source == FORMAT and not f.provenance.synthetic for f in flights)
 
 
 def beside(task: str, kind: str, name: str) -> Published | None:

@@ -23,7 +23,7 @@ from ..metrics.statistics import design_effect, pooled_interval
 from ..results.result import INLINE, OPTIONAL, Result
 from ..sources.labels import family_of, speed_of
 from .phases import flown_spans, is_cut
-from .published import Published, beside
+from .published import Published, beside, may_be_published
 from .result_rows import ClockRatios, CommandResponse, Ratios
 from .sessions import Drawn, Sessions
 from .windows import HORIZON, TRUTHS, cut_windows
@@ -277,7 +277,7 @@ def tabulate(predictor: Predictor, truth: str, scored: Sequence[tuple[Case, Wind
              seed: int = 0, sessions: Sessions | None = None, start: str = "centred") -> list[PredictionRow]:
     """Rows by group: ``all``, seen and unseen families, each family, each speed, and battery voltages at the start of
     the windows. ``sessions``: of all recordings of the run; None: of the scored ones alone. With the published
-    start, the published table is added."""
+    start, the published table is added to recordings in its format."""
     rows = []
     scored = [(case, value) for case, value in scored if value.windows]
     sessions = sessions or Sessions.of(case.flight for case, _ in scored)
@@ -302,7 +302,8 @@ def tabulate(predictor: Predictor, truth: str, scored: Sequence[tuple[Case, Wind
             effects[name] = {key: None if effect is None else float(effect[i]) for i, key in enumerate(keys)}
         curve = {name: (np.sum([value.sums[name] for value in members], axis=0) / counts.sum()).tolist()
                  for name in QUANTITIES} if group == "all" else None
-        as_published = (truth, group, start) == ("onboard", "all", "centred")
+        as_published = ((truth, group, start) == ("onboard", "all", "centred")
+                        and may_be_published(case.flight for case, _ in found))
         rows.append(PredictionRow(
             model=predictor.name, information=predictor.information, truth=truth, group=group,
             n_windows=int(counts.sum()), n_flights=len(members), metrics=metrics, ci95=intervals,

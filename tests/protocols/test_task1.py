@@ -226,7 +226,8 @@ def test_what_is_no_prediction_is_said_in_one_line(change, says):
 
 
 def test_rows_pool_windows_and_draw_flights():
-    flights = [made_flight(name, epoch_s=k * 1e9, seed=k) for k, name in enumerate("abc", start=1)]
+    made = [made_flight(name, epoch_s=k * 1e9, seed=k) for k, name in enumerate("abc", start=1)]
+    flights = [replace(f, provenance=replace(f.provenance, source="nanobench", synthetic=False)) for f in made]
     cases = [task1.Case(f, (Span(5.0, 6.0 + 2 * k),), ("all",)) for k, f in enumerate(flights)]
     scored = [(case, task1.score(case, Naive(), "onboard")) for case in cases]
     row = task1.tabulate(Naive(), "onboard", scored)[0]
@@ -243,6 +244,8 @@ def test_rows_pool_windows_and_draw_flights():
         low, high = row.ci95[name]["sum"]
         assert low <= row.metrics[name]["sum"] <= high
     assert row.published.published["position_mae_m"]["50"] == 0.2866
+    foreign = [(replace(case, flight=mine), value) for mine, (case, value) in zip(made, scored, strict=True)]
+    assert task1.tabulate(Naive(), "onboard", foreign)[0].published is None  # another vehicle than the published one
     assert task1.tabulate(Naive(), "onboard", scored[:1])[0].ci95["rate_mae_rad_s"]["1"] is None
 
 
