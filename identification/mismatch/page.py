@@ -198,6 +198,7 @@ GOES_WITH = {"tilt": "tilt of the markers, of each flight", "lift": "thrust, of 
              "place": "force by place", "air": "force by air velocity", "thrust": "force by thrust",
              "lean": "force by direction of lean", "time": "force by time alone",
              "late": "force by thrust of the seconds before", "strained": "force that only resembles an effect",
+             "force": "these forces together, which may oppose each other",
              "turn_place": "roll and pitch moments by place", "turn_air": "roll and pitch moments by air velocity",
              "turn_thrust": "roll and pitch moments by thrust", "turn_late": "moments by thrust of the seconds before",
              "yaw_place": "yaw moment by place", "yaw_air": "yaw moment by air velocity",

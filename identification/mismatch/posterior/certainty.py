@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from nanobench_tools.settings import number
 
-from .background import FORCES, MOMENTS, turning_size
+from .background import FORCES, MOMENTS, rms, turning_size
 from .build import Case, rest_of
 from .effects import Effect
 from .set_evidence import CANCELS
@@ -233,11 +233,19 @@ def unexplained(case: Case, found: Refined) -> dict[str, float]:
     return case.evidence.sizes_of(nuisance(case, found)[case.evidence.P:])
 
 
-def force_of(discrepancy: Mapping[str, float]) -> float:
-    """m/s^2 RMS of the force in ``unexplained``."""
-    return float(np.sqrt(sum(discrepancy.get(group, 0.0) ** 2 for group in FORCES)))
+def unnamed(case: Case, found: Refined) -> tuple[float, float]:
+    """Force and moment at the arms, m/s^2 RMS, that no effect of a set explains: all groups together, which may oppose
+    each other.
 
-
-def moment_of(discrepancy: Mapping[str, float]) -> float:
-    """m/s^2 RMS at the arm of the moment in ``unexplained``."""
-    return float(np.sqrt(sum(discrepancy.get(group, 0.0) ** 2 for group in MOMENTS)))
+    Without the mean of each flight: offsets of flights, which are no part of it, may oppose that as well.
+    """
+    coefficients, groups = nuisance(case, found)[case.evidence.P:], case.background.group
+    parts = []
+    for columns, names, flight in ((case.background.force, FORCES, case.wrench.flight[case.wrench.force_at]),
+                                   (case.background.torque, MOMENTS, case.wrench.flight[case.wrench.torque_at])):
+        mine = np.isin(groups, names)
+        part = columns[..., mine] @ coefficients[mine]
+        for one in np.unique(flight):
+            part[flight == one] -= part[flight == one].mean(0)
+        parts.append(part)
+    return float(rms(parts[0])), float(turning_size(parts[1], case.arm))

@@ -14,7 +14,7 @@ from nanobench_tools.settings import count, number
 from ..space import reduced
 from ..wrench import CHANNELS
 from .build import Case
-from .certainty import Size, certainty, on_bound, overshadowed, size_of, sizes_of, uncertain, unexplained
+from .certainty import Size, certainty, on_bound, overshadowed, size_of, sizes_of, uncertain, unnamed
 from .in_motion import only_in_motion
 from .indistinguishable import alike, between, class_of, inside_bounds, kinds_of, of_family, with_twins
 from .sizing import Refined, on_map, parts_of
@@ -100,9 +100,9 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
             break
         rejected |= beyond
         case.give_up(set(beyond))
-    discrepancy = unexplained(case, weighing.sizes(best))
+    limits = unnamed(case, weighing.sizes(best))
     by_term = _by_term(case, posterior)
-    kinds = {i: with_twins(class_of(weighing, best, i) | alike(case, weighing.sizes(best), i, discrepancy)
+    kinds = {i: with_twins(class_of(weighing, best, i) | alike(case, weighing.sizes(best), i, limits)
                             | of_family(case.effects[i].term, by_term) | between(weighing, i)) for i in best}
     sure = {i: sum(p for s, p in posterior.items()
                    if {evidence.effects[j].term for j in s} & set(kinds[i])) for i in best}

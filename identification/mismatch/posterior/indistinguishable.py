@@ -9,7 +9,7 @@ import numpy as np
 from nanobench_tools.settings import number
 
 from .build import Case
-from .certainty import force_of, moment_of, on_bound
+from .certainty import on_bound
 from .set_evidence import FAMILIES
 from .sizing import Refined, parts_of
 from .weighing import Weighing
@@ -91,8 +91,9 @@ def between(weighing: Weighing, which: int) -> dict[str, float]:
     return dict.fromkeys(set(LATE) - {term}, 0.0) if gained > ALTERNATIVE else {}
 
 
-def alike(case: Case, found: Refined, which: int, discrepancy: Mapping[str, float]) -> dict[str, float]:
-    """{term: 0}: terms that could replace one effect of a set, up to a difference below the unexplained physics.
+def alike(case: Case, found: Refined, which: int, limits: tuple[float, float]) -> dict[str, float]:
+    """{term: 0}: terms that could replace one effect of a set, up to a difference below the unexplained physics,
+    ``limits`` of force and moment (``unnamed``).
 
     The size of such a term lies inside its bounds. However probable the effect is, its shape is not known better than
     that difference. Empty if the effect itself is below the unexplained physics.
@@ -101,7 +102,6 @@ def alike(case: Case, found: Refined, which: int, discrepancy: Mapping[str, floa
     mine = evidence.columns((which,))
     does = dict(parts_of(case, found.chosen, found.step))[which] * evidence.unit[mine]
     parts = evidence.work[:3].sum(0), evidence.work[3:].sum(0)
-    limits = force_of(discrepancy), moment_of(discrepancy)
     alike = dict[str, float]()
     if all(float(does @ part[np.ix_(mine, mine)] @ does) <= most**2 for part, most in zip(parts, limits, strict=True)):
         return alike

@@ -24,14 +24,14 @@ from ..verdict import Verdict, data_faults, improved, not_asked, only_translatio
 from ..wrench import Wrench
 from .background import rms
 from .build import Case, build
-from .certainty import MATTERS_M_S2, force_of, unexplained
+from .certainty import MATTERS_M_S2, unexplained, unnamed
 from .decision import Decision, Finding, decide
 from .left_by_posterior import left_by_posterior
 from .left_out_flights import Improvement, Predictions, row_of
 from .repeats import Repeat, repeat_of
 from .strained import strained
 
-STRAINED = "strained"
+STRAINED, WHOLE = "strained", "force"
 HALF_SECOND = HORIZONS.index(50)
 LAST = 0.9
 """Confidence where a single flight judged itself."""
@@ -91,7 +91,8 @@ def verdict_body(recordings: Recordings, simulator: Model, seed: int = 0) -> dic
 def body_of(case: Case, decision: Decision, improvement: Improvement, repeat: Repeat, recordings: Recordings,
             floor: np.ndarray) -> dict[str, Any]:
     """verdict.json without what belongs to the file around it."""
-    left = unexplained(case, decision.found) | {STRAINED: float(rms(strained(case, decision.found)[0]))}
+    left = unexplained(case, decision.found) | {STRAINED: float(rms(strained(case, decision.found)[0])),
+                                                WHOLE: unnamed(case, decision.found)[0]}
     findings = [_entry(f, recordings) for f in decision.findings]
     path_m = row_of(improvement.after, HALF_SECOND)["position_m"]
     unknown = _unknown(decision, left, repeat if path_m and repeat.matters(path_m) else None, recordings)
@@ -122,7 +123,7 @@ def _unknown(decision: Decision, left: Mapping[str, float], repeat: Repeat | Non
              recordings: Recordings) -> dict[str, Any] | None:
     """Physics that is there and is not identified: effects of too many kinds, else a force that no effect explains. It
     counts if it is large, or if it repeats."""
-    flights, size = list(recordings.names), float(np.hypot(force_of(left), left[STRAINED]))
+    flights, size = list(recordings.names), float(np.hypot(left[WHOLE], left[STRAINED]))
     if decision.left_open:
         axes = dict.fromkeys(axis for f in decision.left_open for axis in f.axes)
         between = [[f.term, *f.equivalent] for f in decision.left_open]
@@ -204,7 +205,8 @@ def _paragraph(body: dict[str, Any], recordings: Recordings, improvement: Improv
     elif body["unknown"]:
         parts.append(f"Something is there that no term of the vocabulary describes: {body['unknown']['hint']}.")
     elif not body["findings"]:
-        parts.append("Nothing is identified.")
+        parts.append(f"Nothing is identified. Forces that no effect explains are {body['discrepancy_m_s2'][WHOLE]:.2f} "
+                     "m/s^2 RMS.")
     return " ".join([*parts, *improved(body, improvement.held_out, len(improvement.flights))])
 
 

@@ -65,7 +65,8 @@ def test_what_differs_by_less_than_physics_without_a_name_cannot_be_distinguishe
     evidence = SimpleNamespace(columns=lambda chosen: np.array(chosen), unit=np.ones(3), work=work,
                                lower=np.full(3, -9.0), upper=np.full(3, 9.0))
     case = SimpleNamespace(effects=effects, evidence=evidence)
-    assert indistinguishable.alike(case, SimpleNamespace(chosen=(0,), step=np.ones(1)), 0, {"air": left_m_s2}) == alike
+    chosen = SimpleNamespace(chosen=(0,), step=np.ones(1))
+    assert indistinguishable.alike(case, chosen, 0, (left_m_s2, 0.0)) == alike
 
 
 @pytest.mark.parametrize(("together", "alike"), [(34.0, {"motor_lag": 0.0}), (22.0, {})])

@@ -1,4 +1,5 @@
-"""Force along errors that would have to be larger than a small error is."""
+"""What no effect explains: forces along errors that would have to be larger than a small error is, and all groups
+together."""
 
 from __future__ import annotations
 
@@ -7,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from identification.mismatch.posterior import certainty
 from identification.mismatch.posterior import strained as module
 from identification.mismatch.posterior.background import FIXED, Background, rms
 from identification.mismatch.posterior.strained import strained
@@ -33,3 +35,19 @@ def test_errors_of_logging_count_beyond_three_standard_deviations(monkeypatch, c
     force, torque = strained(case, SimpleNamespace(chosen=()))
     assert rms(force) == pytest.approx(expected)
     assert np.abs(torque[:, 0] - 2.0 * force[:, 0]).max() == 0.0
+
+
+def test_groups_that_oppose_each_other_leave_what_is_left_of_both(monkeypatch):
+    """Forces of the place and of time, 3 and -2.5 along the same wave: each is large, and 0.5 m/s^2 is there. The
+    third is constant in either flight, so it is an offset; moments of 4 and 3 about different axes make 5."""
+    wave = np.tile([1.0, -1.0], 4)
+    flight = np.repeat([0, 1], 4)
+    force, torque = np.zeros((8, 3, 5)), np.zeros((8, 3, 5))
+    force[:, 2, 0], force[:, 2, 1], force[:, 0, 2] = wave, wave, 1.0 + flight
+    torque[:, 0, 3], torque[:, 1, 4] = wave / 0.5, wave / 2.0
+    groups = np.array(["place", "time", "late", "turn_place", "turn_air"])
+    case = SimpleNamespace(evidence=SimpleNamespace(P=1), arm=np.array([0.5, 2.0, 1.0]),
+                           background=Background(force, torque, groups),
+                           wrench=SimpleNamespace(flight=flight, force_at=np.arange(8), torque_at=np.arange(8)))
+    monkeypatch.setattr(certainty, "nuisance", lambda case, found: np.array([9.0, 3.0, -2.5, 7.0, 4.0, 3.0]))
+    assert certainty.unnamed(case, None) == pytest.approx((0.5, 5.0))
