@@ -22,7 +22,8 @@ help:
 	@echo "make clean  remove the virtual environment, results and compiled models of the tests"
 
 # The stamps make an installation happen once per change of what is to be installed. An installation under the former
-# name "nanobench" is taken away: its entry points would be found beside those of today.
+# name "nanobench" is taken away: its entry points would be found beside those of today. Python compiles a module when it
+# is first imported: most of the installed ones never are.
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "python3 >= 3.11 is needed; found $$($(PYTHON) --version); set PYTHON=python3.11" >&2; exit 2; }
@@ -30,18 +31,18 @@ $(BIN)/python:
 
 $(VENV)/.installed: setup.cfg pyproject.toml constraints.txt | $(BIN)/python
 	@$(FORMER)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[report,identification,smoothers,mpc,tune]"
+	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt -e ".[report,identification,smoothers,mpc,tune]"
 	@touch $@
 
 # evo is the referee of the metrics, allantools of the Allan deviation; their further dependencies are not needed.
 $(VENV)/.installed-test: setup.cfg pyproject.toml constraints.txt | $(BIN)/python
 	@$(FORMER)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[report,identification,smoothers,mpc,rotorpy,cluster,control,tune,ulog,rosbag,hdf5,radio,viewer,learned,test]"
+	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt -e ".[report,identification,smoothers,mpc,rotorpy,cluster,control,tune,ulog,rosbag,hdf5,radio,viewer,learned,test]"
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -c constraints.txt evo allantools
 	@touch $@ $(VENV)/.installed
 
 $(VENV)/.installed-docs: setup.cfg pyproject.toml constraints.txt $(VENV)/.installed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[docs]"
+	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt -e ".[docs]"
 	@touch $@
 
 run: $(VENV)/.installed
@@ -94,7 +95,7 @@ docs: $(VENV)/.installed-docs
 
 # Wheel and source distribution, checked, and the first tutorial with the wheel alone in an empty environment.
 dist: $(VENV)/.installed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[release]"
+	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt -e ".[release]"
 	rm -rf dist build/fresh
 	$(BIN)/python -m build --outdir dist .
 	$(BIN)/python -m twine check --strict dist/*
