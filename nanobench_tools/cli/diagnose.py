@@ -282,5 +282,7 @@ def _show(options: Options, body: Mapping[str, Any], verdict: Verdict) -> None:
 
 
 def _step(before: float | None, after: float | None) -> str:
-    """An error before and after; of what was given, and not predicted, none."""
-    return "given" if before is None or after is None else f"{before:.4f} -> {after:.4f}"
+    """An error before and after a correction, or the only one; of what was given, and not predicted, none."""
+    if before is None or after is None:
+        return "given"
+    return f"{before:.4f}" if before == after else f"{before:.4f} -> {after:.4f}"

@@ -9,6 +9,7 @@ import pytest
 
 from identification.mismatch.recordings import look_over
 from nanobench_tools.auditing.recording_audit import audit
+from nanobench_tools.cli.diagnose import _step
 from nanobench_tools.physics import Model, Vehicle
 from nanobench_tools.physics.simulator import write_simulator
 from nanobench_tools.sources.discover import load_recordings
@@ -183,3 +184,9 @@ def test_what_is_known_of_normal_flights_goes_with_them(nanobench, recordings, o
         code, _, err = nanobench(*verb, option)
         assert (code, err.count("\n")) == (2, 1)
         assert option in err
+
+
+@pytest.mark.parametrize(("before", "after", "shown"), [
+    (0.05664, 0.05661, "0.0566 -> 0.0566"), (0.05664, 0.05664, "0.0566"), (None, None, "given")])
+def test_an_error_that_nothing_corrects_stands_once(before, after, shown):
+    assert _step(before, after) == shown
