@@ -181,6 +181,7 @@ int main(void) {
 """
 
 
+@pytest.mark.slow
 def test_sanitizers_find_no_fault(app, library, tmp_path):
     (tmp_path / "main.c").write_text(MAIN)
     compiled(app, tmp_path / "sane", str(tmp_path / "main.c"), "-g", "-O1", "-fsanitize=address,undefined",

@@ -217,6 +217,7 @@ int main(void) {
 """
 
 
+@pytest.mark.slow
 def test_sanitizers_find_no_fault(folder, tmp_path):
     (tmp_path / "main.c").write_text(MAIN)
     subprocess.run(["cc", *STRICT, "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all",

@@ -176,7 +176,8 @@ def soon(short_phases, monkeypatch):
     monkeypatch.setattr(flight_plan, "FADE_S", 1.0)
 
 
-@pytest.mark.parametrize("lie", ["mirrored here", "near body", "late"])
+@pytest.mark.parametrize("lie", ["near body", *(pytest.param(lie, marks=pytest.mark.slow)
+                                               for lie in ("mirrored here", "late"))])
 def test_false_poses_of_any_moment_do_not_let_the_vehicle_get_far(soon, lie):
     outcome, world = drawn(20261130, list(LIES).index(lie))
     assert outcome.stop is not None
