@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -66,6 +66,7 @@ class Decision:
     - found: sizes of the identified effects; corrected: the simulator with these sizes.
     - left_open: effects that are there but may be of more than KINDS kinds, as findings. Their sizes are those in the
       most probable set.
+    - hidden {term: reason}: those of ``rejected`` that a force without an effect may imitate. Something is there.
     """
 
     findings: tuple[Finding, ...]
@@ -75,6 +76,7 @@ class Decision:
     corrected: Model | None
     alone: Mapping[str, float]
     left_open: tuple[Finding, ...] = ()
+    hidden: Mapping[str, str] = field(default_factory=dict)
 
 
 def decide(case: Case, judge: Callable[[Refined, Refined], float],
@@ -87,7 +89,7 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
     simulator. With ``again``, only the largest of several effects is identified at once. The others must be identified
     again after the largest is corrected, since slopes far from the truth suggest effects that do not exist.
     """
-    evidence, rejected = case.evidence, dict[str, str]()
+    evidence, rejected, hidden = case.evidence, dict[str, str](), dict[str, str]()
     while True:
         weighing = Weighing(case, judge)
         best, posterior, unsure = _certain_of_size(weighing, worse)
@@ -111,7 +113,8 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
                  for i in sure_ones if kinds_of(kinds[i]) > KINDS}
     rejected |= {open_one.term: f"these flights do not show which of {', '.join(terms)} it is"
                  for terms, open_one in left_open.items()}
-    found = _standing(weighing, tuple(i for i in sure_ones if tuple(sorted(kinds[i])) not in left_open), rejected)
+    found = _standing(weighing, tuple(i for i in sure_ones if tuple(sorted(kinds[i])) not in left_open), rejected,
+                      hidden)
     if again is not None and len(found.chosen) > 1:
         first = max(found.chosen, key=lambda i: size_of(case, i, found))
         there = list(again(_written(case, weighing.sizes((first,)))))
@@ -124,7 +127,7 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
                 there.remove(same)  # one finding there confirms one effect here
         rejected |= {case.effects[i].term: f"no longer identified once {case.effects[first].term} is corrected"
                      for i in gone}
-        found = _standing(weighing, tuple(i for i in found.chosen if i not in gone), rejected)
+        found = _standing(weighing, tuple(i for i in found.chosen if i not in gone), rejected, hidden)
     findings = tuple(_finding(weighing, i, found, kinds[i], sure[i], by_term) for i in found.chosen)
     named = {t for f in findings for t in (f.term, *f.equivalent)}
     leaning = {t: p for t, p in by_term.items() if p >= LEANING and t not in named and t not in rejected}
@@ -133,7 +136,7 @@ def decide(case: Case, judge: Callable[[Refined, Refined], float],
     alone = {case.effects[i].term: weighing.score((i,)) - weighing.score(())
              for i in sorted(range(len(case.effects)), key=lambda i: weighing.score((i,)))}
     return Decision(findings, leaning, rejected, found, _written(case, found) if findings else None, alone,
-                    tuple(left_open.values()))
+                    tuple(left_open.values()), hidden)
 
 
 def _certain_of_size(weighing: Weighing, worse: Callable[[Refined, Refined], Sequence[float]]
@@ -163,15 +166,19 @@ def _certain_of_size(weighing: Weighing, worse: Callable[[Refined, Refined], Seq
         weighing.without.add(term)
 
 
-def _standing(weighing: Weighing, chosen: tuple[int, ...], rejected: dict[str, str]) -> Refined:
+def _standing(weighing: Weighing, chosen: tuple[int, ...], rejected: dict[str, str],
+              hidden: dict[str, str]) -> Refined:
     """Sizes of the accepted effects of a set. An accepted effect changes the simulator, lies inside its bounds and is
-    large compared with the unexplained force. The others are added to ``rejected`` {term: reason}."""
+    large compared with the unexplained force. The others are added to ``rejected`` {term: reason}, those that are too
+    small next to the unexplained force to ``hidden`` as well."""
     case, found = weighing.case, weighing.sizes(chosen)
     while found.chosen:
         said = {i: why for i in found.chosen
                 if (why := uncertain(case, i, found, partial(weighing.gained, found.chosen, i))) is not None}
         said |= {i: BEYOND for i in found.chosen if i not in said and on_bound(case, i, found)}
-        said = said or overshadowed(case, found)
+        if not said:
+            said = overshadowed(case, found)
+            hidden |= {case.effects[i].term: why for i, why in said.items()}
         if not said:
             break
         rejected |= {case.effects[i].term: why for i, why in said.items()}

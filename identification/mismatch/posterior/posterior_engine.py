@@ -122,7 +122,7 @@ def body_of(case: Case, decision: Decision, improvement: Improvement, repeat: Re
 def _unknown(decision: Decision, left: Mapping[str, float], repeat: Repeat | None,
              recordings: Recordings) -> dict[str, Any] | None:
     """Physics that is there and is not identified: effects of too many kinds, else a force that no effect explains. It
-    counts if it is large, or if it repeats."""
+    counts if it is large, if it repeats, or if it hides an effect."""
     flights, size = list(recordings.names), float(np.hypot(left[WHOLE], left[STRAINED]))
     if decision.left_open:
         axes = dict.fromkeys(axis for f in decision.left_open for axis in f.axes)
@@ -131,10 +131,11 @@ def _unknown(decision: Decision, left: Mapping[str, float], repeat: Repeat | Non
                 "bound_m_s2": 2.0 * max(f.size_m_s2 for f in decision.left_open), "between": between,
                 "hint": "; ".join(f"{' or '.join(terms)} ({f.size_m_s2:.2f} m/s^2 RMS)"
                                   for terms, f in zip(between, decision.left_open, strict=True))}
-    if size <= MATTERS_M_S2 and repeat is None:
+    if size <= MATTERS_M_S2 and repeat is None and not decision.hidden:
         return None
     most = repeat.group if repeat else max((g for g in left if g in WORDS), key=lambda g: left[g])
     hint = f"a force that goes with {WORDS[most]}, {size:.2f} m/s^2 RMS"
+    hint += "".join(f"; it may hide {term}: {why}" for term, why in decision.hidden.items())
     if repeat:
         hint += f"; known from other flights, it explains {100.0 * repeat.share:.0f} % of the slow force"
     return {"where": {"axes": ["force"], "kind": most, "flights": flights}, "bound_m_s2": 2.0 * size, "hint": hint}

@@ -5,6 +5,7 @@ The path of these tracks does not belong to their attitude, so predictions far a
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from identification.mismatch.pictures import pictures
 from identification.mismatch.posterior import decision
 from identification.mismatch.posterior.certainty import sizes_of
 from identification.mismatch.posterior.decision import decide
-from identification.mismatch.posterior.posterior_engine import diagnose, verdict_body, weighed
+from identification.mismatch.posterior.posterior_engine import _unknown, diagnose, verdict_body, weighed
 from identification.mismatch.posterior.sizing import refine
 from identification.mismatch.recordings import Recordings
 from identification.mismatch.space import with_other_map
@@ -178,3 +179,17 @@ def test_a_limit_of_thrust_is_found_from_a_simulator_without_one():
     found = diagnose(recordings_of(tracks), MODEL)
     assert [f["term"] for f in found.body["findings"]] == ["saturation"]
     assert found.corrected.parameters["saturation.T_max_N"] == pytest.approx(0.1, rel=0.01)
+
+
+@pytest.mark.parametrize(("force", "strained", "hidden", "unknown"), [
+    (0.29, 0.0, {}, False), (0.2, 0.25, {}, True), (0.1, 0.0, {"thrust_voltage": "too small"}, True)])
+def test_what_is_left_is_unknown_if_it_is_large_or_may_hide_an_effect(force, strained, hidden, unknown):
+    """Groups of 0.3 and 0.2 m/s^2 that oppose each other do not count, their sum does."""
+    left = {"place": 0.3, "time": 0.2, "turn_air": 9.0, "force": force, "strained": strained}
+    found = _unknown(SimpleNamespace(left_open=(), hidden=hidden), left, None,
+                     SimpleNamespace(names=["one"]))
+    assert (found is not None) == unknown
+    if found:
+        assert found["where"]["kind"] == "place"
+        assert found["bound_m_s2"] == pytest.approx(2.0 * np.hypot(force, strained))
+        assert all(f"it may hide {term}" in found["hint"] for term in hidden)
