@@ -92,11 +92,11 @@ def between(weighing: Weighing, which: int) -> dict[str, float]:
 
 
 def alike(case: Case, found: Refined, which: int, limits: tuple[float, float]) -> dict[str, float]:
-    """{term: 0}: terms that could replace one effect of a set, up to a difference below the unexplained physics,
-    ``limits`` of force and moment (``unnamed``).
+    """{term: 0}: terms that could replace one effect of a set, up to a difference below the unexplained physics.
 
-    The size of such a term lies inside its bounds. However probable the effect is, its shape is not known better than
-    that difference. Empty if the effect itself is below the unexplained physics.
+    ``limits``: that of force and moment (``unnamed``). The size of such a term lies inside its bounds. However probable
+    the effect is, its shape is not known better than that difference. Empty if the effect itself is below the
+    unexplained physics.
     """
     evidence = case.evidence
     mine = evidence.columns((which,))
