@@ -17,7 +17,7 @@ from identification.mismatch.posterior.background import (
     Background,
 )
 from identification.mismatch.posterior.effects import Effect
-from identification.mismatch.posterior.posterior_engine import STRAINED
+from identification.mismatch.posterior.posterior_engine import STRAINED, WHOLE
 from identification.mismatch.posterior.set_evidence import Evidence
 
 
@@ -107,4 +107,4 @@ def test_thrust_may_differ_from_session_to_session_without_being_a_finding():
 
 
 def test_every_group_of_the_discrepancy_has_words():
-    assert set(GOES_WITH) == {*set_evidence.MEANS, STRAINED}
+    assert set(GOES_WITH) == {*set_evidence.MEANS, STRAINED, WHOLE}
