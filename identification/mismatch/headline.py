@@ -75,6 +75,9 @@ def headline(body: Mapping[str, Any]) -> str:
         return f"No effect is sure enough to be identified; the most probable is {most} ({leaning[most]:.0%}){error}."
     if between:
         return (f"The simulator is wrong, and these flights do not show what is missing: {'; '.join(between)}{error}.")
+    if hides := unknown.get("hides"):
+        return (f"The simulator leaves out something: perhaps {' or '.join(hides)}, perhaps what no term describes"
+                f"{error}.")
     return {"none": f"The simulator agrees with these flights as well as logging allows{error}.",
             "unknown": f"The simulator leaves out something that no term describes{error}.",
             "data_fault": "The data are at fault; nothing is said about physics.",

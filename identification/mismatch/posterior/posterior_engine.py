@@ -138,7 +138,8 @@ def _unknown(decision: Decision, left: Mapping[str, float], repeat: Repeat | Non
     hint += "".join(f"; it may hide {term}: {why}" for term, why in decision.hidden.items())
     if repeat:
         hint += f"; known from other flights, it explains {100.0 * repeat.share:.0f} % of the slow force"
-    return {"where": {"axes": ["force"], "kind": most, "flights": flights}, "bound_m_s2": 2.0 * size, "hint": hint}
+    return {"where": {"axes": ["force"], "kind": most, "flights": flights}, "bound_m_s2": 2.0 * size, "hint": hint,
+            "hides": list(decision.hidden)}
 
 
 WORDS = {"place": "the place", "air": "the air velocity", "thrust": "the thrust", "lean": "the direction of lean",
@@ -204,7 +205,9 @@ def _paragraph(body: dict[str, Any], recordings: Recordings, improvement: Improv
     if body["unknown"] and "between" in body["unknown"]:
         parts.append(f"Something is wrong, but these flights do not show which it is: {body['unknown']['hint']}.")
     elif body["unknown"]:
-        parts.append(f"Something is there that no term of the vocabulary describes: {body['unknown']['hint']}.")
+        what = "that may be one of these effects or none" if body["unknown"]["hides"] else (
+            "that no term of the vocabulary describes")
+        parts.append(f"Something is there {what}: {body['unknown']['hint']}.")
     elif not body["findings"]:
         parts.append(f"Nothing is identified. Forces that no effect explains are {body['discrepancy_m_s2'][WHOLE]:.2f} "
                      "m/s^2 RMS.")

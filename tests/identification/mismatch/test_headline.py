@@ -66,3 +66,10 @@ def test_findings_that_share_a_term_state_their_axes():
     assert headline({"outcome": "named", "findings": findings}) == (
         "The simulator is wrong about motor_imbalance in torque z (100%), com_offset or motor_imbalance in torque x "
         "and torque y (100%), wind (92%).")
+
+
+def test_an_effect_that_may_be_hidden_is_mentioned_and_not_identified():
+    body = {"outcome": "unknown", "findings": [], "improvement": improvement(0.1),
+            "unknown": {"hides": ["thrust_voltage"]}}
+    assert headline(body) == ("The simulator leaves out something: perhaps thrust_voltage, perhaps what no term "
+                              "describes; position error after 0.5 s 0.100 m on 2 flights left out.")
