@@ -205,7 +205,7 @@ def _paragraph(body: dict[str, Any], recordings: Recordings, improvement: Improv
     if body["unknown"] and "between" in body["unknown"]:
         parts.append(f"Something is wrong, but these flights do not show which it is: {body['unknown']['hint']}.")
     elif body["unknown"]:
-        what = "that may be one of these effects or none" if body["unknown"]["hides"] else (
+        what = "that may be an effect or physics without a name" if body["unknown"]["hides"] else (
             "that no term of the vocabulary describes")
         parts.append(f"Something is there {what}: {body['unknown']['hint']}.")
     elif not body["findings"]:
