@@ -17,20 +17,21 @@ def flights(crowd):
 
 
 @pytest.fixture(scope="module")
-def fitted(flights):
-    return nb.fit(flights)
+def fitted(recordings_apart):
+    """Of the two flights that train."""
+    return nb.fit(nb.load(recordings_apart[0]))
 
 
 @pytest.mark.slow
-def test_the_command_line_exports_the_same_vehicle(recordings_apart, vehicle_apart, monkeypatch, tmp_path):
+def test_the_command_line_exports_the_same_vehicle(recordings_apart, fitted, monkeypatch, tmp_path):
     monkeypatch.setattr(ablation_study, "SHORT", ("fit_vehicle",))
     train, test = recordings_apart
     assert main(["sysid", "--train", str(train), "--test", str(test), "--fit", "short", "--out", str(tmp_path)]) == 0
-    assert (tmp_path / "simulator.toml").read_text() == vehicle_apart
+    assert (tmp_path / "simulator.toml").read_text() == fitted.to_toml()
 
 
 @pytest.mark.slow
-def test_the_plant_of_control_is_the_same_vehicle(recordings_apart, vehicle_apart):
+def test_the_plant_of_control_is_the_same_vehicle(recordings_apart, fitted):
     """Also with the command line: ``control --train``."""
     from nanobench_tools.cli.control_plants import Chosen
     from nanobench_tools.physics.simulator import loads
@@ -38,14 +39,8 @@ def test_the_plant_of_control_is_the_same_vehicle(recordings_apart, vehicle_apar
 
     train, _ = recordings_apart
     chosen = Chosen.of(Options(quiet=True), None, [train])
-    assert loads(chosen.simulator) == loads(vehicle_apart)
+    assert loads(chosen.simulator) == loads(fitted.to_toml())
     assert chosen.draws[0] == loads(chosen.simulator).names
-
-
-@pytest.fixture(scope="module")
-def vehicle_apart(recordings_apart):
-    """What ``nb.fit`` makes of the flights that train, as TOML."""
-    return nb.fit(nb.load(recordings_apart[0])).to_toml()
 
 
 @pytest.fixture(scope="module")

@@ -137,19 +137,19 @@ def test_commands_leave_no_memory_behind(name):
     below = [tracemalloc.Filter(True, __file__, all_frames=True)]
     below += [tracemalloc.Filter(False, tracemalloc.__file__, all_frames=True)]
     below += [tracemalloc.Filter(False, "*/osqp/interface.py")]  # its lookup of status words keeps some, ever fewer
-    go(0, 40)
+    go(0, 20)
     gc.collect()
     tracemalloc.start(DEEP)
     try:
         marks = []
-        for k in range(40, 240, 40):
-            go(k, 40)
+        for k in range(20, 120, 20):
+            go(k, 20)
             gc.collect()
             marks.append(tracemalloc.take_snapshot().filter_traces(below))
         # Free lists of Python and of the solvers' interfaces grow a little anywhere; a leak grows in one line, always
         gained = [{line.traceback: line.size_diff for line in b.compare_to(a, "lineno")} for a, b in pairwise(marks)]
         always = {line: min(g.get(line, 0) for g in gained) for line in gained[-1]}
-        assert max(always.values()) < 800, max(always, key=always.get)  # 20 bytes a command: less than any object
+        assert max(always.values()) < 400, max(always, key=always.get)  # 20 bytes a command: less than any object
     finally:
         tracemalloc.stop()
 

@@ -176,8 +176,8 @@ def soon(short_phases, monkeypatch):
     monkeypatch.setattr(flight_plan, "FADE_S", 1.0)
 
 
-@pytest.mark.parametrize("lie", ["near body", *(pytest.param(lie, marks=pytest.mark.slow)
-                                               for lie in ("mirrored here", "late"))])
+@pytest.mark.slow
+@pytest.mark.parametrize("lie", ["near body", "mirrored here", "late"])
 def test_false_poses_of_any_moment_do_not_let_the_vehicle_get_far(soon, lie):
     outcome, world = drawn(20261130, list(LIES).index(lie))
     assert outcome.stop is not None
@@ -190,7 +190,8 @@ def test_false_poses_of_any_moment_do_not_let_the_vehicle_get_far(soon, lie):
 def test_false_poses_of_many_moments_seldom_let_the_vehicle_get_far(soon):
     """In hover, poses that stand still may take two seconds to find: the vehicle tilts slowly, and got up to 2.5 m
     further. Others are to stay within half a metre."""
-    worlds = [world for number in range(2 * len(LIES)) for _, world in [drawn(20261201, number)] if world.places_m]
+    worlds = [world for number in range(len(LIES)) for _, world in [drawn(20261201, number)] if world.places_m]
+    assert len(worlds) > 0.75 * len(LIES)
     assert np.mean([world.further_m < FURTHER_M for world in worlds]) > 0.75
     assert max(world.further_m for world in worlds) < 3.0
     assert max(world.off_m for world in worlds) < 0.3
@@ -204,10 +205,13 @@ def test_poses_that_are_true_end_no_flight():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("lie", [frozen, frozen_with_noise, mirrored, late, swapped])
-@pytest.mark.parametrize("controller", ALL)
-def test_every_controller_loses_the_flight_before_the_vehicle_gets_far(controller, lie):
-    outcome, world = flown(lie, controller)
+@pytest.mark.parametrize(("controller", "lie"), [
+    ("onboard_pid", late), ("onboard_mellinger", frozen_with_noise), ("mellinger_full", mirrored),
+    ("geometric", frozen), ("lqr", swapped), ("mpc_daqp", mirrored), ("mpc_osqp", late), ("nmpc", frozen_with_noise),
+    ("onboard_mellinger", swapped)])
+def test_every_controller_loses_the_flight_before_the_vehicle_gets_far(short_phases, controller, lie):
+    """Every lie with a controller of the vehicle and with one of this side; the PID meets frozen poses above."""
+    outcome, world = flown(lie, controller, after_s=4.5)
     assert outcome.stop.rule == "poses"
     assert np.linalg.norm(world.begun_m_s) > 0.8
     assert world.further_m < FURTHER_M
