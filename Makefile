@@ -8,7 +8,7 @@ JOBS ?= $(shell nproc 2>/dev/null || echo 2)
 # One test process more than there are cores: some tests wait for sockets, for each other or for what another compiles.
 TEST_JOBS ?= $(shell expr $(JOBS) + 1)
 
-.PHONY: dist docs run test test-slow lint types pytest pytest-slow learned learned-slow bench figures figures-slow clean help
+.PHONY: dist docs run test test-slow lint types pytest pytest-slow learned learned-slow learned-all bench figures figures-slow clean help
 
 help:
 	@echo "make run    install, then audit, the three tasks and the report into ./$(OUT)"
@@ -77,6 +77,10 @@ pytest-slow: $(VENV)/.installed-test
 
 learned-slow: $(VENV)/.installed-test
 	NANOBENCH_TEST_LEARNED=1 $(BIN)/python -m pytest -n 0 -m slow tests/learned
+
+# Both at once: JAX starts and compiles once.
+learned-all: $(VENV)/.installed-test
+	NANOBENCH_TEST_LEARNED=1 $(BIN)/python -m pytest -n 0 tests/learned
 
 bench: $(VENV)/.installed-test
 	$(BIN)/python benchmarks/speed/bench.py

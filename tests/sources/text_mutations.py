@@ -11,8 +11,8 @@ import pytest
 from nanobench_tools import Flight
 from nanobench_tools.sources import load_recordings
 
-SEEDS = (4, pytest.param(34, marks=pytest.mark.slow))
-"""For a quick test, and for 306 damaged files of a format."""
+SEEDS = (4, pytest.param(12, marks=pytest.mark.slow))
+"""For a quick test, and for 108 damaged files of a format."""
 
 
 @dataclass(frozen=True)
