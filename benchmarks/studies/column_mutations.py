@@ -131,8 +131,7 @@ def outcome(whole: Reading, found: Reading | None) -> tuple[str, str]:
     """(right, refused, asked, assumed, audited, open or SILENT; the first quantity that differs). Open: the audit lists
     the column as unchecked.
 
-    Only a new fault in a quantity that differs counts as said, and only of a kind in ``SAYING``. An attitude and a gyro
-    contradict each other, so that a fault of the gyro counts for both."""
+    Only a new fault in a quantity that differs counts as said, and only of a kind in ``SAYING``."""
     if found is None:
         return "refused", ""
     differs = [(s, q) for s, q in _quantities(found.flight) if not _same(whole.flight, found.flight, s, q)]
@@ -148,8 +147,7 @@ def outcome(whole: Reading, found: Reading | None) -> tuple[str, str]:
     faults = {f"{f.kind} {f.stream} {','.join(f.columns)}" for f in audit(found.flight).faults
               if (f.kind, f.stream, f.columns) not in before and f.kind in SAYING
               and (not f.columns or any((f.stream == s and {q, _column(found.flight, s, q)} & set(f.columns))
-                                        or q in f.evidence.split() or q == "t" in f.columns
-                         or (q in QUATERNION and f.stream == "imu") for s, q in sure))}
+                                        or q in f.evidence.split() or q == "t" in f.columns for s, q in sure))}
     if faults:
         return "audited", f"{first}: {'; '.join(sorted(faults))}"
     left = " ".join(audit(found.flight).unchecked)

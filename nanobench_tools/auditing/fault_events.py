@@ -12,7 +12,7 @@ from ..flight import Fault, Span, intersect_spans, merge_spans
 from ..results.result import Result
 from .faults.kind import FaultKind
 from .faults.kinds import kinds
-from .faults.making import SINCE
+from .faults.making import OR, SINCE
 
 MOST_NAMES = 4
 """Maximum number of streams or columns listed by name; beyond it, their number is given."""
@@ -45,12 +45,13 @@ def events_of(faults: Iterable[Fault], airborne: Sequence[Span] = ()) -> tuple[F
     ``airborne``: time in the air, for the removed part of it; empty: of the whole recording. Kinds that rates and
     numbers of samples show already (``in_overview``) make no event.
     """
-    groups: dict[tuple[str, str], list[Fault]] = {}
+    groups: dict[tuple[str, str], list[Fault]] = {}  # by kind, and by stream or the open question
     known = kinds()
     for fault in faults:
         kind = known.get(fault.kind)
         if kind is not None and kind.in_overview:
-            groups.setdefault((fault.kind, "" if kind.merges else fault.stream), []).append(fault)
+            place = fault.evidence if OR in fault.evidence else "" if kind.merges else fault.stream
+            groups.setdefault((fault.kind, place), []).append(fault)
     events = [_event(known[name], found, airborne) for (name, _), found in groups.items()]
     return tuple(sorted(events, key=lambda e: (e.information, -e.seconds_cut, not known[e.kind].corrected,
                                                e.spans[0].start_s, e.kind)))
@@ -60,7 +61,10 @@ def _event(kind: FaultKind, faults: Sequence[Fault], airborne: Sequence[Span]) -
     spans = merge_spans(f.span for f in faults) or (faults[0].span,)
     cut = intersect_spans(spans, airborne) if airborne else spans
     text = kind.told.format_map(_words(kind, faults, spans, airborne)) if kind.told else kind.sentence.rstrip(".")
-    return FaultEvent(kind.name, tuple(dict.fromkeys(f.stream for f in faults)), spans, text, kind.advice, len(faults),
+    advice, undecided = kind.advice, OR in faults[0].evidence
+    if undecided:
+        text, advice = faults[0].evidence, f"find out which of them it is, then {kind.advice}"
+    return FaultEvent(kind.name, tuple(dict.fromkeys(f.stream for f in faults)), spans, text, advice, len(faults),
                       sum(s.duration_s for s in cut) if kind.cuts else 0.0)
 
 

@@ -26,6 +26,7 @@ from ..time_offsets.moving.moving_readings import clocks_with_time_offset
 from ..time_offsets.moving.time_offset import TimeOffset
 from .faults.copy import copies, fault_of
 from .faults.kinds import cutting, kinds, log_ended
+from .turning_faults import settled
 
 TIMED = ("imu", "attitude", "attitude_qw", "estimator")
 """Streams that motion capture predicts."""
@@ -164,11 +165,12 @@ def _cuts_every_use(fault: Fault) -> bool:
 def audit(flight: Flight, context: Context | None = None) -> Audit:
     """Audit of one recording from its content. Pure; about 0.6 s for 42 s of flight.
 
-    context: of ``flight``, to reuse its derived signals.
+    context: of ``flight``, to reuse its derived signals. A gyro or attitude that is wrong is mended for the other
+    checks.
     """
     context = Context(flight) if context is None else context
     span = context.once(whole_span)
-    faults: list[Fault] = []
+    faults, context = settled(context)
     for kind in kinds().values():
         faults.extend(kind.find(context.flight, context))
     faults.sort(key=lambda f: (f.start_s, f.kind, f.stream, f.end_s))

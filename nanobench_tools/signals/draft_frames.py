@@ -15,10 +15,12 @@ from .context import Context
 from .draft import PITCH_ASSUMED, Draft
 from .flown_axes import UP, ground_axes, tilts, tilts_of
 from .gravity import ACC
+from .held_poses import ROTATION
 from .pose_frame import pose_frame
 from .shared_frame import GYRO, SharedFrame, shared_frame, turns_as
 from .stream_frames import pose_turn, stream_turns, unexplained_gravity
 from .tilt_heading import other_height
+from .turning_doubt import turning_doubt, turns_otherwise
 
 STREAMS = ("mocap", "imu", "estimator", "estimator_acc", "setpoint", "pid", "attitude", "attitude_qw")
 ROTATED = ("mocap", "attitude", "attitude_qw")
@@ -32,6 +34,11 @@ def judge_frames(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndar
     streams = _streams(draft, values, time_s)
     upright = False
     context = Context(Flight("draft", streams, {}, Provenance("draft", "", "table")))
+    if streams and (doubt := context.once(turning_doubt)) is not None:
+        columns = list(dict.fromkeys(q for change in doubt.changes for q in change))
+        draft.ask([*draft.columns("imu", GYRO), *draft.columns(doubt.stream, columns)],
+                  f"the gyro turns otherwise than the attitude; which is negated, or changed places"
+                  f"{f' ({doubt.why})' * bool(doubt.why)}? write sign = -1 there, or exchange the columns")
     if streams and (shared := context.once(shared_frame)) is not None:
         _share(draft, shared)
     if "mocap" in streams:
@@ -46,7 +53,12 @@ def judge_frames(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndar
         upright |= UP in context.once(ground_axes)
     for stream, frame in draft.likely.items():
         draft.frames.setdefault(stream, frame)
-    _attitude(draft, _streams(draft, values, time_s))
+    framed = _streams(draft, values, time_s)
+    _attitude(draft, framed)
+    if draft.frames and turns_otherwise(Context(Flight("draft", framed, {}, Provenance("draft", "", "table")))):
+        draft.ask([*draft.columns("imu", GYRO), *draft.columns("mocap", ROTATION)],
+                  "in no axes of whole streams does the gyro turn as the attitude; is one of these another column, or "
+                  "negated?")
     gravity = context.once(unexplained_gravity) if streams and "imu" not in draft.frames else None
     if gravity is not None and (gravity.axis, gravity.sign) == (2, -1):
         draft.ask(draft.columns("imu", ACC), "gravity lies along -z, but other streams have z up. Does the sensor give "

@@ -123,7 +123,7 @@ def _of_match(match: AxisUnitMatch, follows: bool) -> Iterator[Contradiction]:
         if sign < 0:
             yield Contradiction("sign", match.stream, (quantity,), -1.0,
                                 f"{quantity} of {match.stream} correlates {k:+.2f} with what the estimated {by} "
-                                f"predicts" + f"; or the {by} is negated" * (quantity not in sure))
+                                f"predicts" + f": it is negated; or the {by} is" * (quantity not in sure))
     for axes, named in match.scaled:
         if max(abs(match.correlation[i]) for i in axes) < ALONE:
             continue

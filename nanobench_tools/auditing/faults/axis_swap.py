@@ -25,7 +25,7 @@ from ...signals.stream_frames import unexplained, unexplained_gravity
 from ...signals.tilt_heading import mirrored, other_height
 from ...signals.unit_sign_errors import ACC, wrong_units
 from .kind import FaultKind
-from .making import over_stream
+from .making import OR, over_stream
 from .sign import wrong_signs
 
 KIND = "axis_swap"
@@ -51,7 +51,8 @@ def wrong_axes(context: Context) -> list[tuple[str, tuple[str, ...], str]]:
         seen = ", ".join(f"{GYRO[i]} turns as {'xyz'[own.order[i]]} of the estimated attitude "
                          f"({own.follows[i, own.order[i]]:+.2f})" for i in places)
         found.append(("imu", tuple(GYRO[i] for i in places), seen))
-    found += [("imu", (gyro,), f"{gyro} turns otherwise than {angle} ({follows:+.2f}); one of them is another column")
+    found += [("imu", (gyro,), f"{gyro} turns otherwise than {angle} ({follows:+.2f}): it is another column{OR}{angle} "
+               "is")
               for angle, gyro, follows in context.once(unrelated_turning)]
     found += [wrong for wrong in context.once(unrelated_velocities) if wrong[0] not in {s for s, *_ in found} | {
         s for s, q, _ in context.once(wrong_signs) if "q" not in q} | {w.stream for w in context.once(wrong_units)} | {

@@ -11,6 +11,8 @@ from ...signals.context import Context
 
 SINCE = ", since "
 """In an evidence: the finding, and what shows it."""
+OR = "; or "
+"""In an evidence: a finding that the recording does not decide, and the other possibility."""
 
 
 def over_stream(kind: str, flight: Flight, name: str, quantities: Iterable[str] | None, size: float, unit: str,

@@ -10,9 +10,10 @@ A negated axis of the tracked position makes its path the mirror image of that o
 mirror image is above 0.8, and 0.3 above that of any turn. If the gyro turns against the attitude, too, a
 part of the quaternion is negated. A height that only falls, of a vehicle that tilts as one with z up, is negated.
 
-Without motion capture the estimated angles are compared with the gyro. Where they turn against each other, one of the
-two columns is negated. Estimated velocity, acceleration and set-point are compared with the estimated position, and
-that with the tilt of the estimated attitude (``signals.own_reference``).
+Without motion capture the estimated angles are compared with the gyro. Where gyro and attitude contradict each other,
+other streams show which is wrong (``signals.turning_doubt``). If none does, both are listed. Estimated
+velocity, acceleration and set-point are compared with the estimated position, and that with the tilt of the estimated
+attitude (``signals.own_reference``).
 
 Size: the correlation's sign, -1. Smallest found: any axis that moves enough for a correlation of 0.4. Other axes (yaw
 in flights that hold their heading, a world axis not flown along) are not judged.
@@ -33,7 +34,7 @@ from ...signals.unit_sign_errors import ACC, against
 from ...signals.usable_rows import usable_streams
 from ...units import GRAVITY_M_S2
 from .kind import FaultKind
-from .making import over_stream
+from .making import OR, over_stream
 
 KIND = "sign"
 
@@ -74,11 +75,11 @@ def wrong_signs(context: Context) -> list[tuple[str, str, str]]:
         shown = ", ".join(f"{angle} against {gyro} ({k:+.2f})" for angle, gyro, k in angles)
         found.append(("attitude_qw", "qx" if angles[0][0] == "roll" else "qy" if angles[0][0] == "pitch" else "qz",
                       f"the estimated attitude turns {shown}: the quaternions are inverted (change the sign of qx, qy, "
-                      "qz), or these rates are negated"))
+                      f"qz){OR}these rates are negated"))
         angles = []
     for angle, gyro, k in angles:
         found.append(("attitude", angle,
-                      f"{angle} of attitude turns against {gyro} (correlation {k:+.2f}): one of them is negated"
+                      f"{angle} of attitude turns against {gyro} (correlation {k:+.2f}): it is negated{OR}{gyro} is"
                       + ", and angles of pitch are positive nose down" * (angle == "pitch")))
     return found
 
