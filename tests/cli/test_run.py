@@ -117,14 +117,13 @@ def test_json_holds_all_results_and_odd_names_of_files_do_no_harm(whole_job):
 
 
 @pytest.mark.slow
-def test_killed_in_the_middle_it_goes_on_and_ends_the_same(nanobench, one_fit, recordings, tmp_path):
+def test_killed_in_the_middle_it_goes_on_and_ends_the_same(whole_job, tmp_path):
     """As when it is not killed, in one process and not in several."""
-    def command(out):
-        return [*COMMAND, "run", "--data", str(recordings), "--out", str(tmp_path / out), "--jobs", "2", "--quiet"]
-
-    assert nanobench("run", "--data", recordings, "--out", tmp_path / "whole", "--jobs", 1, "--quiet") == (0, "", "")
+    whole = whole_job[3]
+    command = [*COMMAND, "run", "--data", str(whole.parent / "data"), "--out", str(tmp_path / "killed"), "--jobs", "2",
+               "--quiet"]
     apart = {**os.environ, "NANOBENCH_CACHE": str(tmp_path / "cache")}  # nothing of the run above is known there
-    process = subprocess.Popen(command("killed"), start_new_session=True, env=apart)
+    process = subprocess.Popen(command, start_new_session=True, env=apart)
     store = tmp_path / "cache" / "items"
     deadline = time.monotonic() + 900
     while len(list(store.glob("*.json"))) < 8 and process.poll() is None and time.monotonic() < deadline:
@@ -136,11 +135,11 @@ def test_killed_in_the_middle_it_goes_on_and_ends_the_same(nanobench, one_fit, r
     assert all(Store(store).get(key) is not None for key in finished)
     for path in (tmp_path / "killed").glob("*.json"):
         json.loads(path.read_text())
-    again = subprocess.run(command("killed"), capture_output=True, text=True, timeout=900, env=apart)
+    again = subprocess.run(command, capture_output=True, text=True, timeout=900, env=apart)
     assert (again.returncode, again.stdout, again.stderr) == (0, "", "")
     after = {path.stem: path.stat().st_ino for path in store.glob("*.json")}
     assert {key: after[key] for key in finished} == finished
-    assert bodies(tmp_path / "killed") == bodies(tmp_path / "whole")
+    assert bodies(tmp_path / "killed") == bodies(whole)
 
 
 @pytest.mark.slow
