@@ -1,9 +1,9 @@
 """Gyro and attitude that contradict each other: which of them is wrong, and by what evidence.
 
-A column of the gyro that is negated, or two that changed places, look like elements of the attitude that are. The
-vehicle decides it: it accelerates towards the side to which it tilts, its specific force is that of its path, its yaw
-follows the set-point, and its motors turn it about x and y. Evidence counts where it fits one of the two readings, and
-the other clearly less. Where none does, or two pieces contradict each other, it is open.
+A column of the gyro that is negated, or two that changed places, look like elements of the attitude that are. Other
+streams decide. A vehicle accelerates towards the side to which it tilts. Its specific force is that of its path, and
+its yaw follows the set-point. Its motors turn it about x and y. Evidence counts where it fits one of the two readings,
+and the other clearly less. Otherwise it is open, as it is if two pieces of evidence contradict each other.
 """
 
 from dataclasses import dataclass, replace
@@ -51,7 +51,7 @@ class TurningDoubt:
     why: str
 
     def mended(self, flight: Flight) -> Flight:
-        """The flight without the contradiction: what is wrong is changed, and the gyro where that is open."""
+        """The flight without the contradiction. The gyro is changed where it is open which is wrong."""
         if self.wrong == self.stream:
             return changed(flight, self.stream, self.changes[0])
         imu = flight["imu"]
@@ -154,8 +154,9 @@ def _judges(context: Context) -> dict[str, float]:
 
 
 def _pushed(flight: Flight, stream: str, gyro: np.ndarray) -> tuple[str, str]:
-    """Which of ``stream`` and ``imu`` the motors contradict about x and y, if the gyro has the axes ``gyro`` (3, 3) of
-    the attitude, and words; "" where they do not show it."""
+    """Which of ``stream`` and ``imu`` the motors contradict about x and y, and words; "" where they do not show it.
+
+    gyro (3, 3): axes of the attitude that the gyro has."""
     found = motor_turning(Context(flight.without_streams(*(set(flight.streams) - {"imu", "motor"}))))
     if found is None or np.array_equal(gyro[:2, :2], np.eye(2)):
         return "", ""
