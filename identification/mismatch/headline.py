@@ -20,6 +20,13 @@ LISTED = 3
 """Terms of a class that a headline lists."""
 WORSE = 1.1
 """Times the error before the correction, from which on a headline reports another quantity that became worse."""
+WORDS = {"com_offset": "centre of mass", "drag_linear": "linear drag", "drag_quadratic": "quadratic drag",
+         "drag_rotor": "rotor drag", "drag_torque": "moment of drag", "force_world": "constant force",
+         "frame_tilt": "tilt of the tracked body", "motor_imbalance": "unequal motors",
+         "rotor_gyro": "gyroscopic moment of the rotors", "rotor_reaction": "reaction of the rotors",
+         "thrust_pwm": "thrust by command", "thrust_rpm": "thrust by rotor speed",
+         "thrust_voltage": "thrust by battery voltage"}
+"""Terms whose names are not words."""
 QUANTITIES = {"velocity_m_s": "velocity", "attitude_rad": "attitude", "rate_rad_s": "rate"}
 USES = {"hover": "hover and position control", "mpc": "model-predictive control", "learning": "simulation for learning"}
 
@@ -72,12 +79,13 @@ def headline(body: Mapping[str, Any]) -> str:
     leaning = body.get("leaning") or {}
     if body["outcome"] == "none" and leaning:
         most = max(leaning, key=lambda t: leaning[t])
-        return f"No effect is sure enough to be identified; the most probable is {most} ({leaning[most]:.0%}){error}."
+        return (f"No effect is sure enough to be identified; the most probable is {in_words(most)} "
+                f"({leaning[most]:.0%}){error}.")
     if between:
         return (f"The simulator is wrong, and these flights do not show what is missing: {'; '.join(between)}{error}.")
     if hides := unknown.get("hides"):
-        return (f"The simulator leaves out something: perhaps {' or '.join(hides)}, perhaps what no term describes"
-                f"{error}.")
+        return (f"The simulator leaves out something: perhaps {' or '.join(map(in_words, hides))}, perhaps what no "
+                f"term describes{error}.")
     return {"none": f"The simulator agrees with these flights as well as logging allows{error}.",
             "unknown": f"The simulator leaves out something that no term describes{error}.",
             "data_fault": "The data are at fault; nothing is said about physics.",
@@ -94,9 +102,14 @@ def _became_worse(half: Mapping[str, Any]) -> str:
 
 def one_of(finding: Mapping[str, Any]) -> str:
     """The term, and those that these flights cannot distinguish from it."""
-    members = [finding["term"], *(finding.get("equivalent") or [])]
+    members = [in_words(term) for term in (finding["term"], *(finding.get("equivalent") or []))]
     rest = len(members) - LISTED
     return " or ".join([*members[:LISTED], *([f"{rest} other{'s' * (rest > 1)}"] if rest > 0 else [])])
+
+
+def in_words(term: str) -> str:
+    """``linear drag`` of ``drag_linear``."""
+    return WORDS.get(term, term.replace("_", " "))
 
 
 def _axes(finding: Mapping[str, Any], findings: Sequence[Mapping[str, Any]]) -> str:

@@ -34,10 +34,10 @@ def test_without_a_prediction_nothing_is_claimed():
 def test_headlines():
     body = {"outcome": "named", "findings": [{"term": "drag_linear", "confidence": 0.97}], "unknown": None,
             "improvement": improvement(0.763)}
-    assert headline(body) == ("The simulator is wrong about drag_linear (97%); position error after 0.5 s "
+    assert headline(body) == ("The simulator is wrong about linear drag (97%); position error after 0.5 s "
                               "0.763 -> 0.050 m on 2 flights left out.")
     alike = [{"term": "mass", "equivalent": ["thrust_scale", "wind", "force_world", "frame_tilt"], "confidence": 1.0}]
-    assert "wrong about mass or thrust_scale or wind or 2 others (100%);" in headline({**body, "findings": alike})
+    assert "wrong about mass or thrust scale or wind or 2 others (100%);" in headline({**body, "findings": alike})
     assert "something no term describes" in headline({**body, "unknown": {}} | {"unknown": {"hint": "x"}})
     found = improvement(0.763)
     worse = {**found["50"], "after": {"position_m": 0.05, "attitude_rad": 0.111}}
@@ -52,7 +52,7 @@ def test_headlines():
         "The simulator is wrong, and these flights do not show what is missing: wind or mass; inflow; "
         "position error after 0.5 s 0.050 m.")
     both = headline({**body, "unknown": either})
-    assert "wrong about drag_linear (97%) and about wind or mass and about inflow;" in both
+    assert "wrong about linear drag (97%) and about wind or mass and about inflow;" in both
     assert headline({"outcome": "insufficient", "improvement": None}) == "Nothing can be said about physics."
     assert uses(good_for(None)).count("cannot say") == 3
 
@@ -64,12 +64,12 @@ def test_findings_that_share_a_term_state_their_axes():
                  "where": {"axes": ["torque x", "torque y"]}},
                 {"term": "wind", "equivalent": [], "confidence": 0.92, "where": {"axes": ["force x"]}}]
     assert headline({"outcome": "named", "findings": findings}) == (
-        "The simulator is wrong about motor_imbalance in torque z (100%), com_offset or motor_imbalance in torque x "
+        "The simulator is wrong about unequal motors in torque z (100%), centre of mass or unequal motors in torque x "
         "and torque y (100%), wind (92%).")
 
 
 def test_an_effect_that_may_be_hidden_is_mentioned_and_not_identified():
     body = {"outcome": "unknown", "findings": [], "improvement": improvement(0.1),
             "unknown": {"hides": ["thrust_voltage"]}}
-    assert headline(body) == ("The simulator leaves out something: perhaps thrust_voltage, perhaps what no term "
-                              "describes; position error after 0.5 s 0.100 m on 2 flights left out.")
+    assert headline(body) == ("The simulator leaves out something: perhaps thrust by battery voltage, perhaps what no "
+                              "term describes; position error after 0.5 s 0.100 m on 2 flights left out.")

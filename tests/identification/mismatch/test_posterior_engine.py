@@ -61,7 +61,7 @@ def test_a_wrong_mass_is_found_with_its_size_and_predicts_better(too_heavy):
     soon = too_heavy.body["improvement"]["10"]
     assert soon["after"]["velocity_m_s"] < soon["before"]["velocity_m_s"]
     assert too_heavy.body["headline"].startswith("The simulator is wrong about ")
-    assert "thrust_scale" in too_heavy.body["headline"]
+    assert "thrust scale" in too_heavy.body["headline"]
 
 
 @pytest.mark.slow
