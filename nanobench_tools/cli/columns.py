@@ -20,33 +20,39 @@ if TYPE_CHECKING:
 
 MOST_LINES = 4
 """Notes, and columns that are not guessed, on one screen."""
+TABLES = ("csv", "tsv", "txt", "tum", "parquet")
 TO_CHECK = r"\?|check it|if it is"
 """In notes that ask for a look at the data."""
 
 
 @click.command()
-@click.argument("file", type=PATH, metavar="FILE")
+@click.argument("files", type=PATH, metavar="FILE...", nargs=-1, required=True)
 @shared_options("data", "out", "jobs", "scheduler", "seed", "clock", "columns")
 @click.option("--out", type=PATH, metavar="MAP.toml", help="File for the column map; it is not overwritten.")
-def columns(options: Options, file: Path) -> int:
+def columns(options: Options, files: tuple[Path, ...]) -> int:
     """Draft a column map for a table, CSV or Parquet: which column is what, in which unit.
+
+    A recording of several tables gets one map: give all of them, or their folder.
 
     Meanings come from names; units from names and numbers. Each unit is known, shown by the numbers, or assumed; where
     two are possible the command asks and leaves the columns out. What could not be guessed is a comment in the map.
     Check every line, then read the table with --columns MAP.toml.
     --out MAP.toml writes it, without overwriting, and --verbose prints it. Otherwise a table shows what is in it.
     """
-    from ..signals.column_draft import draft_columns
+    from ..signals.column_draft import draft_columns, draft_tables
 
-    if file.is_dir():
-        raise UsageError(f"{file} is a folder; give one file of it")
-    draft = draft_columns(file)
-    body = {"file": str(file), "map": draft.text, "unknown": dict(draft.unknown), "notes": list(draft.notes),
-            "questions": list(draft.questions),
+    given = files[0] if len(files) == 1 else files[0].parent
+    files = tuple(_tables_in(files[0])) if files[0].is_dir() and len(files) == 1 else files
+    if folders := [file for file in files if file.is_dir()]:
+        raise UsageError(f"{folders[0]} is a folder; give files, or one folder alone")
+    draft = draft_columns(files[0]) if len(files) == 1 else draft_tables(files)
+    file = files[0] if len(files) == 1 else given
+    body = {"file": ", ".join(map(str, files)), "map": draft.text, "unknown": dict(draft.unknown),
+            "notes": list(draft.notes), "questions": list(draft.questions),
             "columns": [{"stream": stream, "quantity": quantity, "column": column, "unit": unit,
                          "status": draft.status[column]}
                         for (stream, quantity), (column, unit) in draft.mapped.items()]}
-    n, target = len(draft.mapped), "MAP.toml"
+    n, target, shortest = len(draft.mapped), "MAP.toml", _shortest(files, given)
     text = f"{n} of {n + len(draft.unknown)} columns mapped"
     if options.out is not None:
         target = str(options.out)
@@ -61,12 +67,27 @@ def columns(options: Options, file: Path) -> int:
         close(options, text, "after a look at the units", "nanobench", "audit", file, "--columns", target,
               screen=[*_said(draft, options.verbose), _table("", draft)])
     elif not options.verbose:
-        close(options, text, "keep the map", "nanobench", "columns", file, "--out", target, screen=[
-            *_said(draft), _table(f"Drafted from {file.name}; --verbose prints the map", draft)])
+        names = ", ".join(f.name for f in files)
+        close(options, text, "keep the map", "nanobench", "columns", *shortest, "--out", target, screen=[
+            *_said(draft), _table(f"Drafted from {names}; --verbose prints the map", draft)])
     elif not options.silent:  # stdout is the map alone, so that it can be redirected; its lines are never folded
         write_lines(one_line_each(draft.text).splitlines())
-        options.say(f"{text}; keep the map: nanobench columns {file} --out {target}")
+        options.say(f"{text}; keep the map: nanobench columns {' '.join(map(str, shortest))} --out {target}")
     return options.finish("columns", body)
+
+
+def _tables_in(folder: Path) -> list[Path]:
+    """The tables in a folder that no source reads."""
+    found = [path for path in sorted(folder.iterdir()) if path.is_file() and path.name.partition(".")[2].split(".")[0]
+             in TABLES and not path.name.startswith(".")]
+    if not found:
+        raise InputError(str(folder), "no table in it", f"give a file ({', '.join(TABLES)})")
+    return found
+
+
+def _shortest(files: Sequence[Path], given: Path) -> list[Path]:
+    """The folder, if all its tables were given."""
+    return [given] if given.is_dir() and list(files) == _tables_in(given) else list(files)
 
 
 def _said(draft: ColumnDraft, every: bool = False) -> list[str]:

@@ -7,7 +7,7 @@ asks, and drafts neither.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from ..errors import InputError
 from ..flight import make_stream
 from ..settings import number
 from ..sources.clock_jumps import far_rows, many_far_rows
-from ..sources.column_map import FORCE_UNITS, allowed_units, sense_of
+from ..sources.column_map import FORCE_UNITS, allowed_units, column_map_of, sense_of
 from ..sources.column_names import (
     NUMBERED,
     directed,
@@ -33,14 +33,17 @@ from ..sources.column_names import (
     words_of,
 )
 from ..sources.dates import DATE_UNITS, ISO
+from ..sources.joined_tables import joined
 from ..sources.lost_poses import POSITION, placeholders
+from ..sources.payload import read_file, unpack
 from ..sources.stand import is_a_stand
+from ..sources.table import TableSource
 from ..sources.timestamps import counted_on
 from ..sources.topic_columns import topic_columns
 from ..sources.tum_layout import NORM_TOLERANCE
 from ..units import GRAVITY_M_S2, factor
 from . import column_evidence as evidence
-from .draft import PITCH_ASSUMED, QUATERNION, TIME, ColumnDraft, Draft, Drafted, Key, as_toml
+from .draft import PITCH_ASSUMED, QUATERNION, TIME, ColumnDraft, Draft, Drafted, Key, as_toml, joined_toml
 from .draft_axes import TURNED_PITCH, judge_axes
 from .draft_frames import judge_frames
 from .draft_motion import judge_motion
@@ -113,6 +116,31 @@ def draft_columns(path: Path) -> ColumnDraft:
     return ColumnDraft(as_toml(path, draft), {k: (d.column, d.unit) for k, d in draft.mapped.items()}, draft.unknown,
                        tuple(draft.notes), tuple(draft.questions),
                        {d.column: d.status for d in draft.mapped.values()})
+
+
+def draft_tables(paths: Sequence[Path]) -> ColumnDraft:
+    """The draft for the tables of one recording. InputError where two have the same stream, or no time in common."""
+    drafts = {path: draft_columns(path) for path in paths}
+    owner: dict[Key, Path] = {}
+    for path, draft in drafts.items():
+        for key in draft.mapped:
+            if owner.setdefault(key, path) != path and key != TIME:
+                raise InputError(f"{owner[key]}, {path}", f"both have {key[1]} of {key[0]}: they are not tables of one "
+                                 "recording", "name those of one (nanobench columns FILE FILE), or one file if "
+                                 "each is a recording")
+    text = joined_toml({path.name: draft.text for path, draft in drafts.items()})
+    parts = column_map_of(text.encode(), Path("the draft")).tables
+    if not any(draft.questions for draft in drafts.values()):
+        joined(paths[0].parent, {path.name: TableSource(parts[name]).read(path, unpack(read_file(path), str(path)).data)
+                                 for path, name in zip(paths, parts, strict=True)})
+    return ColumnDraft(
+        text,
+        {(s, q if s else f"time of {p.name}"): (f"{p.name}: {c}", unit) for p, d in drafts.items()
+         for (s, q), (c, unit) in d.mapped.items()},
+        {f"{p.name}: {column}": why for p, d in drafts.items() for column, why in d.unknown.items()},
+        tuple(f"{p.name}: {note}" for p, d in drafts.items() for note in d.notes),
+        tuple(f"{p.name}: {question}" for p, d in drafts.items() for question in d.questions),
+        {f"{p.name}: {column}": status for p, d in drafts.items() for column, status in d.status.items()})
 
 
 def _name(draft: Draft, table: Table, path: Path) -> None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from ..sources.column_map import SCHEMA
+from ..sources.column_map import SCHEMA, TABLE
 from ..units import to_si
 
 QUATERNION = ("qx", "qy", "qz", "qw")
@@ -127,3 +128,23 @@ def as_toml(path: Path, draft: Draft) -> str:
     if draft.unknown:
         lines += ["", "# Not guessed:", *(comment(f"{column}: {why}") for column, why in draft.unknown.items())]
     return "\n".join(lines) + "\n"
+
+
+def joined_toml(texts: Mapping[str, str]) -> str:
+    """One map of several tables, from the maps of each by name of the file; what all names begin and end with is *."""
+    lines = [f'schema = "{SCHEMA}"']
+    for name, pattern in zip(texts, _patterns(list(texts)), strict=True):
+        own = [line for line in texts[name].splitlines() if not line.startswith("schema = ")]
+        lines += ["", f"[[{TABLE}]]", f"file = {json.dumps(pattern)}",
+                  *(re.sub(r"^\[streams\.", f"[{TABLE}.streams.", line) for line in own)]
+    return "\n".join(lines) + "\n"
+
+
+def _patterns(names: list[str]) -> list[str]:
+    """``flight1_imu.csv`` and ``flight1_mocap.csv`` -> ``*_imu.csv`` and ``*_mocap.csv``."""
+    parts = [re.split(r"([_\- ])", name.partition(".")[0]) for name in names]
+    if min(map(len, parts)) > 2 and len({p[0] for p in parts}) == 1:
+        return ["*" + name[len(p[0]):] for name, p in zip(names, parts, strict=True)]
+    if min(map(len, parts)) > 2 and len({p[-1] for p in parts}) == 1:
+        return ["".join(p[:-1]) + "*" + name[len("".join(p)):] for name, p in zip(names, parts, strict=True)]
+    return names

@@ -24,6 +24,8 @@ from .dates import DATE_UNITS
 from .payload import read_file
 
 SCHEMA = "nanobench-columns/1"
+TABLE = "table"
+"""Key of the maps of several tables."""
 
 UNITS: dict[str, tuple[str, ...]] = {
     "m": ("m", "mm", "cm", "in", "ft"),
@@ -105,6 +107,8 @@ class ColumnMap:
     frames: Mapping[str, Frame] = field(default_factory=dict)
     chosen: Mapping[str, str] = field(default_factory=dict)
     """Stream -> topic of a bag that is read as its type is meant."""
+    tables: Mapping[str, ColumnMap] = field(default_factory=dict)
+    """Name of a file, * for what its files have in common -> its map, of a recording of several tables."""
 
     @property
     def times(self) -> tuple[Entry, ...]:
@@ -146,13 +150,13 @@ def sense_of(stream: str, quantity: str, sign: float) -> str:
 
 
 class _Reader:
-    """The text of the map, so that an error can name the line."""
+    """The text of the map, so that an error can name the line; of a part of it, from the line ``above`` on."""
 
-    def __init__(self, path: Path, text: str) -> None:
-        self.path, self.lines = str(path), text.splitlines()
+    def __init__(self, path: Path, text: str, above: int = 0) -> None:
+        self.path, self.lines, self.above = str(path), text.splitlines(), above
 
     def fail(self, key: str, found: str, advice: str) -> InputError:
-        return InputError(f"{self.path}: line {self._line(key)}, {key}", found, advice)
+        return InputError(f"{self.path}: line {self.above + self._line(key)}, {key}", found, advice)
 
     def _line(self, key: str) -> int:
         """Line of a dotted key: the table header above it, then the key itself."""
@@ -174,8 +178,11 @@ class _Reader:
 
 def read_column_map(path: str | Path) -> ColumnMap:
     """Parse and check a map. Raises InputError naming key and line."""
-    path = Path(path)
-    data = read_file(path)
+    return column_map_of(read_file(Path(path)), Path(path))
+
+
+def column_map_of(data: bytes, path: Path) -> ColumnMap:
+    """``read_column_map`` of the bytes of a map."""
     try:
         text = data.decode("utf-8")
         content = tomllib.loads(text)
@@ -186,6 +193,28 @@ def read_column_map(path: str | Path) -> ColumnMap:
     reader = _Reader(path, text)
     if content.get("schema") != SCHEMA:
         raise reader.fail("schema", f"schema is {content.get('schema')!r}", f'write schema = "{SCHEMA}"')
+    digest = hashlib.sha256(data).hexdigest()
+    if TABLE not in content:
+        return _map_of(reader, content, path, digest)
+    for key in content:
+        if key not in ("schema", TABLE):
+            raise reader.fail(key, "unknown key next to [[table]]", "write it into a [[table]]")
+    above = [k for k, line in enumerate(reader.lines, start=1) if re.match(rf"\s*\[\[\s*{TABLE}\s*\]\]", line)]
+    tables: dict[str, ColumnMap] = {}
+    for part, start, end in zip(content[TABLE], above, [*above[1:], len(reader.lines) + 1], strict=True):
+        block = "\n".join(line.replace(f"[{TABLE}.", "[") for line in reader.lines[start:end - 1])
+        part_reader = _Reader(path, block, start)
+        name = part.get("file")
+        if not isinstance(name, str) or not name or name in tables:
+            raise part_reader.fail("file", f"file is {name!r}", 'write the name of each table once, file = "imu.csv"')
+        tables[name] = _map_of(part_reader, {key: what for key, what in part.items() if key != "file"}, path, digest)
+    entries = [e for part in tables.values() for e in part.entries]
+    _check_once(reader, entries)
+    return replace(next(iter(tables.values())), tables=tables, entries=tuple(entries))
+
+
+def _map_of(reader: _Reader, content: Mapping[str, Any], path: Path, digest: str) -> ColumnMap:
+    """The map of one table."""
     for key in content:
         if key not in ("schema", "time", "streams", "vehicle"):
             raise reader.fail(key, "unknown key", "known: schema, time, streams, vehicle")
@@ -224,8 +253,7 @@ def read_column_map(path: str | Path) -> ColumnMap:
     vehicle = content.get("vehicle", {})
     if not isinstance(vehicle, Mapping):
         raise reader.fail("vehicle", "vehicle is a table", "write [vehicle]")
-    return ColumnMap(str(path), time, tuple(entries), vehicle, hashlib.sha256(data).hexdigest(), rest, rate_hz, frames,
-                     chosen)
+    return ColumnMap(str(path), time, tuple(entries), vehicle, digest, rest, rate_hz, frames, chosen)
 
 
 def _frame(reader: _Reader, key: str, what: object) -> Frame:

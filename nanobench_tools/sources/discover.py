@@ -22,18 +22,17 @@ from .bag_messages import span_of
 from .base import SeveralVehicles, SheetSource, Source, text_fault
 from .clock_jumps import on_one_clock
 from .companions import PICTURES, companion
+from .joined_tables import table_source
 from .lost_poses import without_placeholders
 from .members import FolderSource, digest_of, members_of
-from .payload import HEAD_BYTES, digest, head, read_file, unpack
+from .payload import HEAD_BYTES, PACKED_SUFFIXES, digest, head, read_file, unpack
 from .rosbag import RosBag
 from .sheets import Sheet, choose_sheet, lies_beside, looks_like_sheet, may_hold, parse_sheet, why_bad
 from .split_bags import METADATA, Parts, parts_of
 from .strangers import STRANGE, why_strange
-from .table import TableSource
 
 BLANK = b"\x00 \r\n\t"
 PICTURE = "a picture or a point cloud"
-PACKED_SUFFIXES = (".xz", ".gz", ".bz2")
 Progress = Callable[[int, int, str], None]
 
 
@@ -82,7 +81,7 @@ def sources(columns: Path | None = None) -> dict[str, Source]:
         return found
     if "rosbag" in found:
         found["rosbag"] = RosBag(columns)
-    return {"table": TableSource(columns), **found}
+    return {"table": table_source(columns), **found}
 
 
 def files_in(paths: Iterable[Path], failed: list[dict[str, str]]) -> Iterator[Path]:

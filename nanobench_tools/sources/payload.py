@@ -24,6 +24,7 @@ HEAD_BYTES = 8192
 """Enough for the header of every format; only this much is unpacked to recognise a file."""
 
 ZIP_MAGIC = b"PK\x03\x04"
+PACKED_SUFFIXES = (".xz", ".gz", ".bz2")
 _DECODERS: dict[bytes, Callable[[], Any]] = {
     b"\xfd7zXZ\x00": lzma.LZMADecompressor, b"\x1f\x8b": lambda: zlib.decompressobj(16 + zlib.MAX_WBITS),
     b"BZh": bz2.BZ2Decompressor}

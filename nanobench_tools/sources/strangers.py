@@ -20,7 +20,8 @@ from .names import listed
 from .payload import HEAD_BYTES
 
 STRANGE = "not a recording of any known format"
-MAP = "draft a column map (nanobench columns FILE --out MAP.toml) and read it with --columns MAP.toml"
+MAP = ("draft a column map (nanobench columns FILE --out MAP.toml, of several tables of one flight FOLDER) and read it "
+       "with --columns MAP.toml")
 PARQUET_MAGIC = b"PAR1"
 OF_PROGRAMS = {
     re.compile(rb"MATLAB \d"): "a file of MATLAB: write its variables to a CSV there (writetable)",
