@@ -54,9 +54,9 @@ def test_a_clock_can_be_taken_out(nanobench, wandering, tmp_path):
         row = next(r for r in body["rows"] if (r["method"], r["group"]) == ("error_state_ekf", "all"))
         return row["metrics"]["end_error_1s_m"]["mean"], row["clock"]
 
-    only = ("--only", "--method", "error_state_ekf")
-    recorded = mean(blackout(nanobench, wandering, tmp_path / "a.json", *only))
-    retimed = mean(blackout(nanobench, wandering, tmp_path / "b.json", *only, "--clock", "retimed"))
+    only, one = ("--only", "--method", "error_state_ekf"), next(wandering.glob("*trefoil*.csv"))
+    recorded = mean(blackout(nanobench, one, tmp_path / "a.json", *only))
+    retimed = mean(blackout(nanobench, one, tmp_path / "b.json", *only, "--clock", "retimed"))
     assert (recorded[1], retimed[1]) == ("as-recorded", "retimed")
     assert retimed[0] < recorded[0]
 

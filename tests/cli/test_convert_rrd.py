@@ -19,7 +19,7 @@ HIDDEN = slice(800, 1000)
 """Rows that the cameras do not see: 8 to 10 s."""
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def flight():
     """A noisy circle of 20 s, on the ground at either end; two seconds without motion capture and IMU."""
     rng = np.random.default_rng(3)
@@ -91,6 +91,12 @@ def written(flight, folder):
     return Read(export(flight, folder, "rrd"))
 
 
+@pytest.fixture(scope="module")
+def read(flight, tmp_path_factory):
+    """The file of the flight as it is."""
+    return written(flight, tmp_path_factory.mktemp("rrd"))
+
+
 def cut(flight, name):
     """Faults of a stream that take rows away, by the audit."""
     from nanobench_tools.auditing.faults.kinds import cutting
@@ -99,8 +105,7 @@ def cut(flight, name):
 
 
 @pytest.mark.slow
-def test_the_path_is_the_positions_and_breaks_where_no_sample_is(flight, tmp_path):
-    read = written(flight, tmp_path)
+def test_the_path_is_the_positions_and_breaks_where_no_sample_is(flight, read):
     strips = read.one("/world/paths/mocap", "LineStrips3D:strips")
     assert len(strips) == 2
     mocap = flight["mocap"]
@@ -119,16 +124,15 @@ def test_the_path_is_the_positions_and_breaks_where_no_sample_is(flight, tmp_pat
     assert angle.max() < 1e-6
 
 
-def test_the_vehicle_vanishes_while_nothing_is_known_of_it(flight, tmp_path):
-    time_s, points = written(flight, tmp_path).rows("/world/mocap", "Points3D:positions")
+def test_the_vehicle_vanishes_while_nothing_is_known_of_it(read):
+    time_s, points = read.rows("/world/mocap", "Points3D:positions")
     assert [len(p) for p in points] == [1, 0, 1, 0]
     assert time_s == pytest.approx([0.0, 7.99, 10.0, 19.99], abs=0.011)
-    _, arrows = written(flight, tmp_path).rows("/world/mocap/body", "Arrows3D:vectors")
+    _, arrows = read.rows("/world/mocap/body", "Arrows3D:vectors")
     assert [len(a) for a in arrows] == [3, 0, 3, 0]
 
 
-def test_a_series_is_the_numbers_of_the_stream_and_breaks_where_there_are_none(flight, tmp_path):
-    read = written(flight, tmp_path)
+def test_a_series_is_the_numbers_of_the_stream_and_breaks_where_there_are_none(flight, read):
     time_s, values = read.rows("/imu/gyro", "Scalars:scalars")
     values, gyro = np.array(values), flight["imu"]["gyro_x", "gyro_y", "gyro_z"]
     (broken,) = np.flatnonzero(np.isnan(values).all(axis=1))
@@ -144,8 +148,7 @@ def test_a_series_is_the_numbers_of_the_stream_and_breaks_where_there_are_none(f
     assert read.one("/motor_command", "SeriesLines:names")[3] == "m4 [share of full]"
 
 
-def test_bars_stand_on_zero_and_reach_up_to_the_command(flight, tmp_path):
-    read = written(flight, tmp_path)
+def test_bars_stand_on_zero_and_reach_up_to_the_command(flight, read):
     time_s, centres = read.rows("/bars/command", "Boxes2D:centers")
     _, halves = read.rows("/bars/command", "Boxes2D:half_sizes")
     assert centres[-1] == []
@@ -177,12 +180,12 @@ def test_marks_stand_where_the_audit_says(flight, tmp_path):
     assert max(np.array(s)[:, 0].max() for s in read.one("/world/paths/onboard_estimate", "LineStrips3D:strips")) < 1.1
 
 
-def test_usable_is_one_inside_the_audits_spans_and_zero_outside(flight, tmp_path):
+def test_usable_is_one_inside_the_audits_spans_and_zero_outside(flight, read):
     from nanobench_tools.auditing.audit_verdict import verdict_of
 
     verdict = verdict_of(audit(flight))
     assert verdict.usable
-    time_s, values = written(flight, tmp_path).rows("/usable", "Scalars:scalars")
+    time_s, values = read.rows("/usable", "Scalars:scalars")
     values = np.array(values)[:, 0]
     at = np.linspace(0.05, 19.9, 777)
     drawn = values[np.searchsorted(time_s, at, side="right") - 1]
@@ -191,8 +194,8 @@ def test_usable_is_one_inside_the_audits_spans_and_zero_outside(flight, tmp_path
     assert 0 < inside.sum() < len(at)
 
 
-def test_set_points_are_drawn_in_the_air_only(flight, tmp_path):
-    strips = written(flight, tmp_path).one("/world/paths/set_point", "LineStrips3D:strips")
+def test_set_points_are_drawn_in_the_air_only(read):
+    strips = read.one("/world/paths/set_point", "LineStrips3D:strips")
     assert min(np.linalg.norm(np.array(s)[:, :2], axis=1).min() for s in strips) > 0.9  # a zero would be at the origin
 
 
