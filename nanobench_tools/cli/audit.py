@@ -44,7 +44,7 @@ def audit(options: Options) -> int:
     uses = [line for entry in body["flights"] for line in (uses_of(entry), open_of(entry)) if line]
     close(options, audit_sentence(body), NEXT.get(verb, "every fault with its evidence"), *command,
           screen=[*audit_screen(options, audits, copies), *(uses if len(body["flights"]) == 1 else ()),
-                  *assumed(flights)],
+                  *assumed(flights)], first=True,
           detail=[*audit_detail(options, audits, copies), dataset_table(body), *health_lines(body),
                   *uses, *assumed(flights)])
     return options.finish("audit", body)

@@ -20,8 +20,9 @@ LONGEST_COMMAND = 320
 
 
 def close(options: Options, result: str, why: str = "", *command: object, screen: Sequence[Table | str] = (),
-          detail: Sequence[Table | str] = (), lines: int = 0) -> None:
-    """Shows as much of the ``screen`` as fits the terminal (or ``lines``). With ``--verbose`` shows all of ``detail``.
+          detail: Sequence[Table | str] = (), lines: int = 0, first: bool = False) -> None:
+    """Shows as much of the ``screen`` as fits the terminal (or ``lines``), ``first`` all rows of its first table. With
+    ``--verbose`` shows all of ``detail``.
     Then shows ``result`` and, where there is one, the next ``command`` (its words) and its purpose."""
     if options.silent:
         return
@@ -40,22 +41,27 @@ def close(options: Options, result: str, why: str = "", *command: object, screen
         height = sum(-(-len(line) // width) or 1 for line in tail)
         if sys.stderr.isatty():
             height += sum(len(folded(text, width)) for text in (*options.said, *options.failures()))
-        _show_within(options, screen, max(screen_height(), lines) - PROMPT - height)
+        _show_within(options, screen, max(screen_height(), lines) - PROMPT - height, first)
     write_lines(tail)
 
 
-def _show_within(options: Options, parts: Sequence[Table | str], lines: int) -> None:
+def _show_within(options: Options, parts: Sequence[Table | str], lines: int, first: bool) -> None:
     """The parts on ``lines``. Where they do not fit, rows of the longest tables are left out and counted, then the
-    last tables."""
+    last tables. ``first``: the last tables before rows of the first one."""
     width = screen_width()
     sizes = [len(lines_of(part, width) if isinstance(part, Table) else folded(part, width)) for part in parts]
     least = [_with_one_row(part, width) if isinstance(part, Table) else size
              for part, size in zip(parts, sizes, strict=True)]
     tables = [i for i, part in enumerate(parts) if isinstance(part, Table)]
     dropped: list[int] = []
+    cut = least[tables[0]] if tables else 0
+    if first and tables:
+        least[tables[0]] = sizes[tables[0]]
     while sum(least) + bool(dropped) > lines and len(tables) > 1:
         dropped.append(tables.pop())
         least[dropped[-1]] = sizes[dropped[-1]] = 0
+    if tables:
+        least[tables[0]] = least[tables[0]] if len(tables) > 1 else cut
     limits = list(sizes)
     while sum(limits) + bool(dropped) > lines and (
             longer := [i for i, shortest in enumerate(least) if limits[i] > shortest]):
