@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fifteen import FIFTEEN, STOPPED
+from fifteen import EIGHT, STOPPED
 from scipy.spatial.transform import Rotation
 
 from nanobench_tools.auditing.recording_audit import audit
@@ -63,7 +63,7 @@ def test_a_smaller_scale_is_open_without_an_attitude():
 def test_no_real_gyro_is_in_another_unit(real_data):
     """Some of these end in a crash."""
     folder = real_data / "nanobench" / "datasets" / "dataset"
-    for flight in load_recordings([folder / f"{name}.csv.xz" for name in FIFTEEN]).flights:
+    for flight in load_recordings([folder / f"{name}.csv.xz" for name in EIGHT]).flights:
         imu = flight["imu"]
         gyro, force = imu[IMU[:3]], imu[IMU[3:]]
         assert gyro_scale(imu.time_s, gyro, force) is None, flight.name
