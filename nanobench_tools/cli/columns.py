@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 MOST_LINES = 4
 """Notes, and columns that are not guessed, on one screen."""
 TABLES = ("csv", "tsv", "txt", "tum", "parquet")
-TO_CHECK = r"\?|check it|if it is"
-"""In notes that ask for a look at the data."""
+TO_CHECK = r"\?|check it|if it is|\baxes\b|\bFRD\b|\bNED\b"
+"""In notes that ask for a look at the data, or that state turned axes."""
 
 
 @click.command()

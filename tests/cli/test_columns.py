@@ -7,7 +7,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from nanobench_tools.cli.columns import _said
 from nanobench_tools.signals.column_draft import draft_columns
+from nanobench_tools.signals.draft import ColumnDraft
 from nanobench_tools.sources import load_recordings
 from nanobench_tools.sources.column_map import read_column_map
 from nanobench_tools.sources.column_names import meaning, words_of
@@ -182,6 +184,11 @@ def test_a_wrong_time_column_is_named_by_its_own_word(nanobench, tmp_path, table
     assert code == 2
     assert "column height: is no time" in err
     assert "m.toml" in err
+
+
+def test_turned_axes_are_on_the_screen():
+    notes = [f"column {k}: m, since it is so" for k in range(6)] + ["imu: forward, right, down (FRD), since gravity"]
+    assert _said(ColumnDraft("", {}, {}, tuple(notes)))[0].startswith("imu: forward")
 
 
 def test_near_names_are_offered(nanobench, tmp_path):
