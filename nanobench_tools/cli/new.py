@@ -31,6 +31,8 @@ def new(options: Options, kind: str, name: str) -> int:
     python -m pytest test_my_estimator.py            passes; keep it passing while you change the file
     nanobench estimate --protocol aided --method my_estimator:MyEstimator
     """
+    from ..sources.discover import default_data
+
     if kind not in KINDS:
         raise unknown_name("kind", kind, KINDS)
     check_name(name)
@@ -48,8 +50,10 @@ def new(options: Options, kind: str, name: str) -> int:
     options.out = None
     written = " and ".join(map(str, files))
     where = "" if folder == Path() else f" in {folder}"
+    verb, *rest = KINDS[kind][2]
+    flights = [] if verb == "simulate" or default_data() else ["FLIGHTS"]
     close(options, f"{written} written; its test: python -m pytest {next(reversed(files))}", f"score it{where}",
-          "nanobench", *KINDS[kind][2], f"{name}:{class_name(name)}")
+          "nanobench", verb, *flights, *rest, f"{name}:{class_name(name)}")
     return options.finish("new", {"kind": kind, "name": name, "files": [str(path) for path in files]})
 
 

@@ -88,8 +88,11 @@ def test_names_that_cannot_be_are_refused(nanobench, here, arguments, says):
 
 def test_an_estimator_from_new_is_scored_by_the_command_it_names(nanobench, here, recordings, monkeypatch):
     monkeypatch.syspath_prepend(here)
+    monkeypatch.delenv("NANOBENCH_DATA", raising=False)
     words = next_command(nanobench("new", "estimator", "first_of_mine")[1])
-    code, out, _ = nanobench(*words[1:], recordings, "--jobs", 1, "--json", "e.json")
+    given = [recordings if word == "FLIGHTS" else word for word in words[1:]]
+    assert recordings in given
+    code, out, _ = nanobench(*given, "--jobs", 1, "--json", "e.json")
     assert code == 0
     rows = json.loads((here / "e.json").read_text())["rows"]
     assert {row["method"] for row in rows} > {"first_of_mine", "onboard_ekf"}
