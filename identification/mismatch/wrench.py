@@ -150,6 +150,20 @@ class Wrench:
         turned = rate[self.torque_at + TORQUE_ROWS] - rate[self.torque_at]
         return (self._in_body(self._smooth(joined(self.tracks, "position_m"), 2)), turned / (TORQUE_ROWS * ROW_S))
 
+    @cached_property
+    def axes_smoothed(self) -> np.ndarray:
+        """(N, 3, 3) axes of the body in the world, as columns, smoothed as the force is."""
+        return self._axes(0)
+
+    @cached_property
+    def swung(self) -> np.ndarray:
+        """(N, 3, 3) acceleration of a point fixed in the body, world, per m along each axis of the body [1/s^2]."""
+        return self._axes(2)
+
+    def _axes(self, order: int) -> np.ndarray:
+        axes = so3.matrix(self.quaternion).reshape(-1, 9)
+        return self._smooth(axes, order)[self.force_at].reshape(-1, 3, 3)
+
     def model(self, model: Model, parameters: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """The model's prediction along the measured states, as ``measured``; parameters (P,) replace those of the
         model."""

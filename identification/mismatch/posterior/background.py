@@ -37,6 +37,9 @@ DELAY_S = number("posterior.background.delay_s")
 SHAKE = number("posterior.background.shake")
 FAST_S = 0.3
 """Thrust that moves faster than this is logged with the shaking of the loop in it."""
+TRACKED = number("posterior.background.tracked")
+"""Of the distance of the rotors from the middle: standard deviation of that of the tracked point from the centre of
+mass, along each axis."""
 LATE_S = (0.06, 0.15, 0.4)
 SLOW_LATE_S = (1.0, 3.0, 10.0, 25.0)
 SAMPLE_S, STRETCH_S = ROW_S * FORCE_ROWS, ROW_S * TORQUE_ROWS
@@ -48,6 +51,9 @@ MOMENTS = ("turn_place", "turn_air", "turn_thrust", "turn_late", "yaw_place", "y
 """Groups of a force, and of a moment, that no effect explains."""
 FIXED = "fixed"
 """Groups of amplitude 1: their columns have the size of a standard deviation."""
+SWUNG = "swung"
+"""Group of amplitude 1: acceleration of the tracked point against the centre of mass, per coordinate of it in the
+body."""
 LIFT_OF_ALL = "lift_of_all"
 """Small error of the thrust of all flights. It replaces the error of the thrust terms, which would also change gains of
 torque. A set with such a term omits it: the two would cancel and leave a drag."""
@@ -64,7 +70,7 @@ class Background:
     @property
     def groups(self) -> tuple[str, ...]:
         """Those whose amplitude is learnt."""
-        return tuple(dict.fromkeys(g for g in self.group.tolist() if g not in (FIXED, LIFT_OF_ALL)))
+        return tuple(dict.fromkeys(g for g in self.group.tolist() if g not in (FIXED, SWUNG, LIFT_OF_ALL)))
 
 
 def fast_part(values: np.ndarray, samples: float) -> np.ndarray:
@@ -140,6 +146,11 @@ def _beside(along: np.ndarray, columns: np.ndarray) -> np.ndarray:
     return np.asarray(columns - z[:, :, None] * slope)
 
 
+def reach_of(model: Model) -> float:
+    """m: mean distance of the rotors from the middle."""
+    return float(np.linalg.norm(np.asarray(model.vehicle.motor_positions_m)[:, :2], axis=1).mean())
+
+
 def background_of(wrench: Wrench, space: Space, effects: Sequence[Effect], arm: np.ndarray) -> Background:
     """All columns of the background. ``arm``: ``arm_unit.arms``."""
     at, turns = wrench.force_at, wrench.torque_at
@@ -157,7 +168,9 @@ def background_of(wrench: Wrench, space: Space, effects: Sequence[Effect], arm: 
     found.add("place", in_body(_on_axes(smooth(place, PLACE_LENGTH))))
     found.add("air", _beside(air, _on_axes(smooth(air, AIR_LENGTH))))
     found.add("thrust", _on_axes(smooth(load[:, None], THRUST_LENGTH), [2]))
-    found.add("lean", _lean(wrench, frame[:, :2, 2]))
+    found.add("lean", _lean(wrench, wrench.axes_smoothed[:, :2, 2]))
+    reach = reach_of(space.model)
+    found.add(SWUNG, TRACKED * reach * in_body(wrench.swung))
     found.add("time", in_body(_in_time(wrench, at)))
     found.add("late", _late(wrench, made[:, 2]))
     if len(turns):

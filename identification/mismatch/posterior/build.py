@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from nanobench_tools.physics.model import Slot
 from ..space import MAPS, Space
 from ..wrench import Wrench
 from .arm_unit import arms
-from .background import MOMENTS, SHAKE, Background, background_of, rms, turning_size
+from .background import MOMENTS, SHAKE, SWUNG, TRACKED, Background, background_of, reach_of, rms, turning_size
 from .effects import Effect, effects_of, within_reach
 from .gain_error import gain_error
 from .rows import Products, Rows, Seen, rows_of
@@ -55,6 +56,12 @@ class Case:
             self._factors[key] = self.evidence.factor_beside(self.grams.of(keep)[:-1, :-1], lifted)
         mine, many = across.of(keep), self.beside_all.many
         return self.evidence.beside(self._factors[key], mine[:many], mine[many:], lifted)
+
+    @cached_property
+    def tracked_m(self) -> np.ndarray:
+        """(3,) m: from the centre of mass to the tracked point, body, without any effect."""
+        mine = np.concatenate([np.zeros(self.evidence.P, bool), self.background.group == SWUNG])
+        return np.asarray(TRACKED * reach_of(self.space.model) * self.evidence.everything(())[mine])
 
     def give_up(self, terms: set[str]) -> None:
         """As ``Evidence.give_up``."""

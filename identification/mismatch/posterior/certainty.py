@@ -13,7 +13,6 @@ from nanobench_tools.settings import number
 from .background import FORCES, MOMENTS, rms, turning_size
 from .build import Case, rest_of
 from .effects import Effect
-from .set_evidence import CANCELS
 from .sizing import CERTAIN, INSIDE, Refined, nuisance, parts_of
 from .strained import strained
 
@@ -127,14 +126,10 @@ def _sure(case: Case, which: int, found: Refined, told: Callable[[], float]) -> 
 
 
 def _cancelled(case: Case, which: int, found: Refined) -> bool:
-    """Whether the errors of terms cancel an effect of a set. It then stands for something else: a constant force
-    against a wind, for example, acts only where the vehicle leans."""
-    evidence = case.evidence
-    mine, work = evidence.columns((which,)), evidence.work.sum(0)
-    acts, errors = np.zeros(evidence.P), nuisance(case, found)[:evidence.P]
-    acts[mine] = found.step[_mine(case, which, found)] * evidence.unit[mine]
-    parts, net = (float(x @ work @ x) for x in (acts, acts + errors))
-    return parts + float(errors @ work @ errors) > CANCELS**2 * net
+    """Whether the errors of terms cancel an effect of a set, as ``Evidence.opposed``."""
+    mine, acts = case.evidence.columns((which,)), np.zeros(case.evidence.P)
+    acts[mine] = found.step[_mine(case, which, found)] * case.evidence.unit[mine]
+    return case.evidence.opposed(acts, nuisance(case, found)[:case.evidence.P])
 
 
 def _region(part: np.ndarray, covariance: np.ndarray) -> float:

@@ -14,6 +14,7 @@ from nanobench_tools.settings import number
 from ..proof import FOLDS, HORIZONS, QUANTITIES, prediction_errors, relative_intervals
 from ..space import MAPS
 from ..track import ROW_S, Track
+from ..tracked_point import centred
 from ..wrench import Wrench
 from .background import FAST_S, LEVELS, SAMPLE_S, fast_part
 from .build import Case
@@ -99,6 +100,11 @@ class Predictions:
         return float(np.clip(self.windows * each, -MOST, MOST).sum())
 
     @cached_property
+    def tracks(self) -> Sequence[Track]:
+        """Of the centre of mass."""
+        return centred(self.case.wrench.tracks, self.case.tracked_m)
+
+    @cached_property
     def windows(self) -> np.ndarray:
         """(flights,) independent predictions in each."""
         track = self.case.wrench.tracks
@@ -123,7 +129,7 @@ class Predictions:
             for one in left_out:
                 place = numbers.index(one)
                 own, thrust_gain = offset[place]
-                tracks = [_calmed(t, thrust_gain) for t in case.wrench.tracks if t.flight == one]
+                tracks = [_calmed(t, thrust_gain) for t in self.tracks if t.flight == one]
                 errors[place] = prediction_errors(on_map(case, found.chosen, own), tracks, [one])[0]
         return errors
 

@@ -233,6 +233,20 @@ class Evidence:
         large = parts > CONCERNED * parts.sum()
         return bool((parts[large] > CANCELS**2 * net[large]).any())
 
+    def opposed(self, acts: np.ndarray, errors: np.ndarray) -> bool:
+        """Whether ``errors`` (P,) of all terms cancel as much of an effect ``acts`` (P,) as effects of a set may cancel
+        of each other. The effect then stands for something else: a constant force against the error of a wind, for
+        example, acts only where the vehicle leans."""
+        work = self.work.sum(0)
+        return bool(-(acts @ work @ errors) > (1.0 - 1.0 / CANCELS) * (acts @ work @ acts))
+
+    def any_opposed(self, chosen: tuple[int, ...]) -> bool:
+        """Whether that is so for an effect of a set."""
+        index, errors = self.columns(chosen), self.everything(chosen)[:self.P]
+        acts = np.zeros(self.P)
+        acts[index] = self.weighed(chosen)[1]
+        return any(self.opposed(np.where(self.owner == i, acts, 0.0), errors) for i in chosen)
+
     def learn(self) -> None:
         """Amplitudes of the background with every term free, then how far every term may be off."""
         start = {g: min(0.07, CAPS.get(g, 9.0)) for g in self.background.groups}

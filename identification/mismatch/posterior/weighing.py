@@ -23,6 +23,8 @@ from .sizing import Refined, refine
 Chosen = tuple[int, ...]
 PREDICTED = count("posterior.weighing.predicted")
 """Sets of several that are predicted at most."""
+NEGLIGIBLE = 1e-3
+"""Probability below which it does not matter whether errors of terms cancel a set."""
 REACH = number("posterior.weighing.reach")
 """Log odds below the most probable set, beyond which a set is not predicted."""
 NO_SIZE = SLUGGISH.union(SHARED, OFFSETS)
@@ -41,6 +43,7 @@ class Weighing:
     """Terms whose sets have no probability."""
     _sizes: dict[Chosen, Refined] = field(default_factory=dict)
     _gained: dict[int, float] = field(default_factory=dict)
+    _against: dict[Chosen, bool] = field(default_factory=dict)
 
     def sizes(self, chosen: Chosen) -> Refined:
         """Kept."""
@@ -103,15 +106,30 @@ class Weighing:
         alone = sorted((s for s in known if len(s) == 1), key=lambda s: known[s])
         for chosen in [(), *{effects[s[0]].term: s for s in alone}.values()]:
             self.predict(chosen)
-        for _ in range(PREDICTED):
+        predicted = 0
+        while predicted < PREDICTED:
             open_ones = [s for s in known if s not in self.told]
             most = max(open_ones, key=self._at_best, default=None)
             if most is None or self._at_best(most) < max(self.score(s) for s in self.told if s in known) - REACH:
                 break
-            self.predict(most)
-        log = np.array([self.score(s) for s in known])
-        p = np.exp(log - np.logaddexp.reduce(log))
-        return dict(zip(known, p.tolist(), strict=True))
+            if self._opposed(most):
+                del known[most]
+            else:
+                self.predict(most)
+                predicted += 1
+        while True:
+            log = np.array([self.score(s) for s in known])
+            p = np.exp(log - np.logaddexp.reduce(log))
+            opposed = [s for s, share in zip(known, p, strict=True) if share > NEGLIGIBLE and self._opposed(s)]
+            if not opposed:
+                return dict(zip(known, p.tolist(), strict=True))
+            for chosen in opposed:
+                del known[chosen]
+
+    def _opposed(self, chosen: Chosen) -> bool:
+        if chosen not in self._against:
+            self._against[chosen] = self.case.evidence.any_opposed(chosen)
+        return self._against[chosen]
 
 
 __all__ = ["Weighing"]

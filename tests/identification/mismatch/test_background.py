@@ -15,6 +15,9 @@ from identification.mismatch.posterior.background import (
 )
 from identification.mismatch.posterior.effects import effects_of, within_reach
 from identification.mismatch.space import space_around
+from identification.mismatch.tracked_point import centred
+from identification.mismatch.wrench import Wrench
+from nanobench_tools import so3
 
 
 def test_functions_have_the_covariance_of_their_process():
@@ -64,6 +67,17 @@ def test_a_trim_turns_with_the_thrust():
     assert com[first].std() > 0.01 * np.abs(com[first]).mean()
     assert np.abs(ratio[:, 0]).min() > 0.0
     assert ratio.std(0).max() < 1e-9 * np.abs(ratio).max()
+
+
+def test_a_tracked_point_swings_around_the_centre_of_mass():
+    """A path of a point 8, -5 and 20 mm off the centre adds three columns times these numbers to the measured force."""
+    arm = np.array([0.008, -0.005, 0.02])
+    centre = wrench_of(MODEL, flights=2, seconds=6.0)
+    marker = Wrench(centred(centre.tracks, -arm))
+    body = so3.matrix(centre.quaternion[centre.force_at])
+    added = np.einsum("nji,njk,k->ni", body, centre.swung, arm)
+    assert np.abs(added).max() > 0.02
+    assert marker.measured[0] - centre.measured[0] == pytest.approx(added, abs=1e-9)
 
 
 def test_small_commands_may_be_followed_equally_fast_up_and_down():
