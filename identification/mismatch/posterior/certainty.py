@@ -126,7 +126,9 @@ def _sure(case: Case, which: int, found: Refined, told: Callable[[], float]) -> 
 
 
 def _cancelled(case: Case, which: int, found: Refined) -> bool:
-    """Whether the errors of terms cancel an effect of a set, as ``Evidence.opposed``."""
+    """Whether the errors of terms cancel an effect of a set, as ``Evidence.any_opposed``."""
+    if case.effects[which].far:
+        return False
     mine, acts = case.evidence.columns((which,)), np.zeros(case.evidence.P)
     acts[mine] = found.step[_mine(case, which, found)] * case.evidence.unit[mine]
     return case.evidence.opposed(acts, nuisance(case, found)[:case.evidence.P])
@@ -193,7 +195,8 @@ def on_bound(case: Case, which: int, found: Refined) -> bool:
 def overshadowed(case: Case, found: Refined) -> dict[int, str]:
     """{number: reason} of the smallest effect, if it is masked: less than OUTWEIGHS times the unexplained force.
 
-    Such a force could imitate the effect, if it acts along the same axes. That of the background has no mean, so it
+    Such a force could imitate the effect, if it acts along the same axes. One axis counts as a third of a force, and as
+    no more than all of it. That of the background has no mean, so it
     cannot imitate the constant part of an effect. ``strained`` forces can, and so can a force of the place, whose mean
     may be as large as its changes. Empty if the unexplained force is too small to matter. Effects that act more as a
     moment are compared with the moment of ``strained`` errors.
@@ -211,7 +214,7 @@ def overshadowed(case: Case, found: Refined) -> dict[int, str]:
         varies = (force - acts.mean(0) ** 2).sum() / max(force.sum(), 1e-12)
         push, turn = float(np.sqrt(force.sum())), float(turning_size(case.effects[i].torque @ part, case.arm))
         like = varies * along + (1.0 - varies) * placed + constant
-        left = float(np.sqrt(len(force) * force @ like / max(force.sum(), 1e-12)))
+        left = float(np.sqrt(min(len(force) * force @ like / max(force.sum(), 1e-12), like.sum())))
         if left >= MATTERS_M_S2 and turn < push < OUTWEIGHS * left:
             masked[i] = push, left
         elif strain >= MATTERS_M_S2 and push <= turn < OUTWEIGHS * imitated:

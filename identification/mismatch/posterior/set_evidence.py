@@ -241,11 +241,13 @@ class Evidence:
         return bool(-(acts @ work @ errors) > (1.0 - 1.0 / CANCELS) * (acts @ work @ acts))
 
     def any_opposed(self, chosen: tuple[int, ...]) -> bool:
-        """Whether that is so for an effect of a set."""
+        """Whether that is so for an effect of a set. Errors bend an effect far from linear to where it ends, so such an
+        effect is not asked."""
         index, errors = self.columns(chosen), self.everything(chosen)[:self.P]
         acts = np.zeros(self.P)
         acts[index] = self.weighed(chosen)[1]
-        return any(self.opposed(np.where(self.owner == i, acts, 0.0), errors) for i in chosen)
+        return any(self.opposed(np.where(self.owner == i, acts, 0.0), errors)
+                   for i in chosen if not self.effects[i].far)
 
     def learn(self) -> None:
         """Amplitudes of the background with every term free, then how far every term may be off."""
