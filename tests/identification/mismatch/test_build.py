@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from carried_tracks import MODEL, wrench_of
 
-from identification.mismatch.posterior import set_evidence
+from identification.mismatch.posterior import background, set_evidence
 from identification.mismatch.posterior.background import (
     Background,
 )
@@ -21,7 +21,8 @@ from nanobench_tools import so3
 @pytest.mark.parametrize(("most", "is_wind"), [(0.0, True), (1.0, False)])
 def test_thrust_that_follows_the_lean_is_no_wind(monkeypatch, most, is_wind):
     """0.15 m/s^2 along z with the lean towards x. Without columns for it, a wind and a constant force are taken large
-    against each other: equal along x and y, but not along z."""
+    against each other: equal along x and y, but not along z. The tracked point is the centre of mass here."""
+    monkeypatch.setattr(background, "TRACKED", 1e-6)
     monkeypatch.setattr(set_evidence, "CAPS", {**set_evidence.CAPS, "lean": most})
     wrench = wrench_of(MODEL, flights=2, seconds=8.0)
     force, torque = wrench.measured
@@ -31,6 +32,7 @@ def test_thrust_that_follows_the_lean_is_no_wind(monkeypatch, most, is_wind):
     evidence.learn()
     wind = next(i for i, e in enumerate(evidence.effects) if e.term == "wind")
     assert (evidence.weighed((wind,))[0] > 3.0) == is_wind
+    assert evidence.any_opposed((wind,))
 
 
 def test_a_column_that_instruments_hardly_see_may_be_wronger():
@@ -48,8 +50,8 @@ def test_a_column_that_instruments_hardly_see_may_be_wronger():
     turning = SimpleNamespace(z=z, at=np.arange(400), axis=0)
     rows = SimpleNamespace(turnings=[turning])
     rows.seen_of = lambda columns: Rows.seen_of(rows, columns)
-    background = Background(np.zeros((0, 3, 1)), unnamed, np.array(["turn_air"]))
-    seen = _seen(wrench, rows, torque, background)
+    others = Background(np.zeros((0, 3, 1)), unnamed, np.array(["turn_air"]))
+    seen = _seen(wrench, rows, torque, others)
     assert seen[:3].tolist() == [[1.0, 1.0]] * 3
     assert seen[3, 0] == 1.0
     assert seen[3, 1] == pytest.approx((0.5 / 10.5) / (0.5 / 1.0), rel=0.05)
