@@ -50,7 +50,8 @@ print(nb.diagnose(flights, model).sentence)
 
 # %% [markdown]
 # One mistake of it is known here: `nb.fit` took the lag of the motors, 0.055 s up and 0.119 s down, from a prior. The
-# simulated vehicle has 0.045 s in both directions. So the most probable effect is right, and just misses the certainty that a finding needs.
+# simulated vehicle has 0.045 s in both directions. So the most probable effect is right, and just misses the certainty
+# that a finding needs.
 #
 # The flights that fitted the model also judge it here, because the sample is small. With your own data, fit on some
 # flights and diagnose with others. [Reading a diagnosis](../concepts/reading_a_diagnosis.md) explains every line.
