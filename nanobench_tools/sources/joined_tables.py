@@ -83,7 +83,7 @@ class JoinedTables:
             flights[name] = flight_of(part, cells_of(members[name], str(path), part), path, self.name)
         flight = joined(place, flights)
         lacking = [f"there is no table {pattern} with it" for pattern in self.parts
-                   if pattern not in {part[0] for name in members if (part := self._part(name)) is not None}]
+                   if pattern not in {found[0] for name in members if (found := self._part(name)) is not None}]
         return replace(flight, metadata={**flight.metadata, "read_as": [*flight.metadata["read_as"], *lacking]})
 
 
