@@ -68,8 +68,8 @@ def turning_doubt(context: Context) -> TurningDoubt | None:
         return None
     gyro, follows = _best(turning)
     clear = (gyro * turning).sum(axis=1)[np.diag(gyro) < 1.0]
-    if follows < np.trace(turning) + CLEAR or clear.min() < FOLLOWS:
-        return None
+    if follows < np.trace(turning) + CLEAR or clear.min() < FOLLOWS or np.linalg.det(gyro) > 0.0:
+        return None  # the last one: whole frames, which are turned
     stored = _judges(context)
     shown = {by: why for by, why in (_pushed(context.flight, stream, gyro), _estimated(context.flight, stream, gyro))
              if by}
