@@ -197,8 +197,9 @@ def overshadowed(case: Case, found: Refined) -> dict[int, str]:
 
     Such a force could imitate the effect, if it acts along the same axes. One axis counts as a third of a force, and as
     no more than all of it. That of the background has no mean, so it cannot imitate the constant part of an effect.
-    ``strained`` forces can, and so can a force of the place, whose mean may be as large as its changes. Empty if the unexplained force is too small to matter. Effects that act more as a
-    moment are compared with the moment of ``strained`` errors.
+    ``strained`` forces can, and so can a force of the place, whose mean may be as large as its changes. Empty if the
+    unexplained force is too small to matter. Effects that act more as a moment are compared with the moment of
+    ``strained`` errors.
     """
     coefficients, groups = nuisance(case, found)[case.evidence.P:], case.background.group
     along, placed = (((case.background.force[..., mine] @ coefficients[mine]) ** 2).mean(0)
