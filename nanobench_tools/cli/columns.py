@@ -32,12 +32,11 @@ TO_CHECK = r"\?|check it|if it is|\baxes\b|\bFRD\b|\bNED\b"
 def columns(options: Options, files: tuple[Path, ...]) -> int:
     """Draft a column map for a table, CSV or Parquet: which column is what, in which unit.
 
-    A recording of several tables gets one map: give all of them, or their folder.
-
-    Meanings come from names; units from names and numbers. Each unit is known, shown by the numbers, or assumed; where
-    two are possible the command asks and leaves the columns out. What could not be guessed is a comment in the map.
-    Check every line, then read the table with --columns MAP.toml.
-    --out MAP.toml writes it, without overwriting, and --verbose prints it. Otherwise a table shows what is in it.
+    A recording of several tables gets one map: give all of them, or their folder. Meanings come from names; units from
+    names and numbers. Each unit is known, shown by the numbers, or assumed; where two are possible the command asks and
+    leaves the columns out. What could not be guessed is a comment in the map. Check every line, then read the table
+    with --columns MAP.toml. --out MAP.toml writes it, without overwriting, and --verbose prints it. Otherwise a table
+    shows what is in it.
     """
     from ..signals.column_draft import draft_columns, draft_tables
 
