@@ -162,7 +162,7 @@ class Wrench:
 
     def _axes(self, order: int) -> np.ndarray:
         axes = so3.matrix(self.quaternion).reshape(-1, 9)
-        return self._smooth(axes, order)[self.force_at].reshape(-1, 3, 3)
+        return np.asarray(self._smooth(axes, order)[self.force_at].reshape(-1, 3, 3))
 
     def model(self, model: Model, parameters: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """The model's prediction along the measured states, as ``measured``; parameters (P,) replace those of the
