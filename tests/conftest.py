@@ -11,7 +11,7 @@ import pickle
 import signal
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -70,20 +70,6 @@ def real_data() -> Path:
 
 def pytest_addoption(parser) -> None:
     parser.addoption("--leave-out-slow", action="store_true", help="skip tests marked slow, and say how many")
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_collection(session) -> Iterator[None]:
-    """One test process of a run imports all tests first. In a new clone it compiles some thousand files for that; the
-    others wait and read what it left."""
-    if "PYTEST_XDIST_WORKER" not in os.environ:
-        return (yield)
-    with (session.config._tmp_path_factory.getbasetemp().parent / "collecting.lock").open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            fcntl.flock(lock, fcntl.LOCK_SH)
-        return (yield)
 
 
 def pytest_collection_modifyitems(config, items) -> None:
