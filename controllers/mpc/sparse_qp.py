@@ -13,7 +13,8 @@ from .condense import headed
 from .dense_qp import MISSED, import_solver, refusals
 from .tilt_bounds import ROUNDS, halfplanes
 
-TOLERANCE, MOST_ITERATIONS = 1e-4, 2000
+TOLERANCE, MOST_ITERATIONS = 1e-5, 2000
+"""A tenth of the accuracy is not enough for a vehicle with slow motors and little inertia: it swings."""
 FAR = 1e3
 """Bounds of half-planes that do not count: rows change no kind, which OSQP does not take with a new matrix."""
 FREE_UNIT = np.array([0.05])

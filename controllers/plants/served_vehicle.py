@@ -24,7 +24,7 @@ from .downwash import TURNS, SharedAir
 from .plant import MOST_DELAY_S, closed_loop_model
 from .served_loop import NOISES, STEP_S, WORLD, run
 
-SIMULATOR = "quick_motors.toml"
+SIMULATOR = "recorded_vehicle.toml"
 BATTERY_V = (2.6, float(OPEN_CIRCUIT[-1, 1]))
 """Voltages at rest that a cell may start with."""
 DISCONNECTED_V = 4.15

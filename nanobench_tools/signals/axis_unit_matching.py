@@ -82,6 +82,8 @@ class AxisUnitMatch:
             best = max(clear, key=lambda k: abs(self.correlation[k]))
             if len(groups) > 1 and (self.stream == "pid" or abs(self.correlation[best]) < ALONE):
                 continue
+            if self.stream == "pid" and clear == [2]:  # only the heading agrees: it may fly by other set-points
+                continue
             sizes = np.log([float(np.median([self.ratio[k] for k in clear])), self.ratio[best]])
             if np.abs(sizes).min() >= np.log(FACTOR):
                 unit = STREAM_QUANTITIES[self.stream][self.quantities[0]][0]

@@ -253,7 +253,7 @@ def test_a_restarted_vehicle_is_as_new() -> None:
     vehicle = served(start_m=(1.0, 2.0, 0.1), yaw_rad=0.5, battery_V=4.1)
     vehicle.stabilizer.loop["override"] = 1
     vehicle.stabilizer.loop["direct"] = 60000
-    vehicle.advance(500)
+    vehicle.advance(700)
     assert vehicle.true_pose()[0][2] > 0.2
     vehicle.restart()
     vehicle.advance(300)

@@ -28,8 +28,8 @@ LEAST_SHARE, MOST_SHARE, LOW_SHARE, BLIND_SHARE = 0.85, 1.1, 0.9, 0.97
 """Thrust in units of hover: bounds, most near the ground, and without logs."""
 AFTER_S = 1.0
 """Time beyond the planned descent: on the ground the thrust below hover does no harm, a fall does."""
-SETTLES_S = 1.2
-"""Time in which a vehicle that sinks with 0.4 m/s falls by a metre, with the least thrust below."""
+SETTLES_S = 2.5
+"""Time in which a vehicle that rises with 0.5 m/s comes down by a metre, with the least thrust below."""
 LOW_M = 0.05
 """Height over the ground below which the thrust stays below hover, and a vehicle that is seen is stopped."""
 OFF_TIMES = 25
