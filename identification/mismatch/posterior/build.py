@@ -60,8 +60,20 @@ class Case:
     @cached_property
     def tracked_m(self) -> np.ndarray:
         """(3,) m: from the centre of mass to the tracked point, body, without any effect."""
-        mine = np.concatenate([np.zeros(self.evidence.P, bool), self.background.group == SWUNG])
-        return np.asarray(TRACKED * reach_of(self.space.model) * self.evidence.everything(())[mine])
+        return np.asarray(self._tracked_unit_m * self.evidence.everything(())[self._swung])
+
+    @property
+    def tracked_sd_m(self) -> np.ndarray:
+        """(3,) m: its standard deviation."""
+        return np.asarray(self._tracked_unit_m * self.evidence.sds(self._swung))
+
+    @property
+    def _tracked_unit_m(self) -> float:
+        return TRACKED * reach_of(self.space.model)
+
+    @property
+    def _swung(self) -> np.ndarray:
+        return np.concatenate([np.zeros(self.evidence.P, bool), self.background.group == SWUNG])
 
     def give_up(self, terms: set[str]) -> None:
         """As ``Evidence.give_up``."""

@@ -109,6 +109,8 @@ def body_of(case: Case, decision: Decision, improvement: Improvement, repeat: Re
         "withdrawn": [], "not_named": [{"term": t, "why": w} for t, w in decision.rejected.items()],
         "levels": {}, "not_asked": not_asked(case.wrench),
         "leaning": dict(decision.leaning), "discrepancy_m_s2": left,
+        "tracked_point_m": (case.tracked_m + (0.0 if recordings.arm is None else recordings.arm.r_m)).tolist(),
+        "tracked_point_sd_m": case.tracked_sd_m.tolist(),
         "repeats": {"group": repeat.group, "share": repeat.share, "size_m_s2": repeat.size_m_s2,
                     "taken_m_s2": repeat.taken_m_s2},
         "corrected_simulator": None, "elapsed_s": 0.0, "engine": "posterior"}
@@ -211,6 +213,10 @@ def _paragraph(body: dict[str, Any], recordings: Recordings, improvement: Improv
     elif not body["findings"]:
         parts.append(f"Nothing is identified. Forces that no effect explains are {body['discrepancy_m_s2'][WHOLE]:.2f} "
                      "m/s^2 RMS.")
+    x, y, z = (f"{1e3 * side:.1f} +- {1e3 * sd:.1f}" for side, sd in zip(
+        body["tracked_point_m"], body["tracked_point_sd_m"], strict=True))
+    parts.append(f"The tracked point lies {x}, {y} and {z} mm (x, y, z; standard deviation) from the centre of mass; the "
+                 "motion of the centre is judged.")
     return " ".join([*parts, *improved(body, improvement.held_out, len(improvement.flights))])
 
 

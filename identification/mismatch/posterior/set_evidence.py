@@ -181,6 +181,12 @@ class Evidence:
         half = solve_triangular(factor, deviation * right, lower=True)
         return np.asarray(deviation * solve_triangular(factor.T, half, lower=False))
 
+    def sds(self, which: np.ndarray) -> np.ndarray:
+        """Posterior standard deviations of the nuisance columns ``which`` (P + Q,) bool, without any effect."""
+        deviation = self._deviations(self.takes_lift(()))
+        half = solve_triangular(_factor(self.gram[:-1, :-1], deviation), np.diag(deviation)[:, which], lower=True)
+        return np.asarray(np.sqrt(np.sum(half**2, axis=0)))
+
     def weighed(self, chosen: tuple[int, ...]) -> tuple[float, np.ndarray, np.ndarray]:
         """Log evidence of a set over no effect, sizes marginalised; its coefficients and their slab at the most
         probable scales."""

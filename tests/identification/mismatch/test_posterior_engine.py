@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from carried_tracks import MODEL, track_of
+from scipy.spatial.transform import Rotation
 
 from identification.mismatch.drawings import drawings
 from identification.mismatch.page import page_text
@@ -43,6 +44,23 @@ def test_a_right_simulator_is_left_alone(flown):
     assert body["findings"] == []
     assert body["outcome"] == "none"
     assert body["improvement"]["50"]["before"] == body["improvement"]["50"]["after"]
+
+
+@pytest.mark.slow
+def test_the_place_of_the_tracked_point_is_stated(flown):
+    """A point 4 mm ahead of the centre of mass and 15 mm above it, moved there with SciPy's rotations."""
+    arm_m = np.array([0.004, 0.0, 0.015])
+    tracks = []
+    for t in flown.tracks:
+        turned = Rotation.from_quat(t.quaternion)
+        tracks.append(replace(t, position_m=t.position_m + turned.apply(arm_m),
+                              velocity_m_s=t.velocity_m_s + turned.apply(np.cross(t.rate_rad_s, arm_m))))
+    at_centre, off_centre = verdict_body(flown, MODEL), verdict_body(recordings_of(tracks), MODEL)
+    for body, truth in ((at_centre, np.zeros(3)), (off_centre, arm_m)):
+        sd = np.array(body["tracked_point_sd_m"])
+        assert np.all(np.abs(body["tracked_point_m"] - truth) < 2.5 * sd)
+        assert sd[2] < 0.003
+    assert "The tracked point lies " in off_centre["paragraph"]
 
 
 @pytest.fixture(scope="module")
