@@ -205,6 +205,7 @@ class Stream:
 
     @property
     def span(self) -> Span:
+        """From the first to the last timestamp; 0 to 0 without rows."""
         if not len(self):
             return Span(0.0, 0.0)
         return Span(float(self.time_s[0]), float(self.time_s[-1]))
@@ -361,6 +362,7 @@ class Flight:
         return replace(self, streams={**self.streams, **streams})
 
     def without_streams(self, *names: str) -> Flight:
+        """A copy without these streams; names that it does not have are ignored."""
         return replace(self, streams={k: v for k, v in self.streams.items() if k not in names})
 
     def retimed(self, clock: str = "retimed", judged: Iterable[str] = ("position", "velocity")) -> Flight:
@@ -383,9 +385,32 @@ def poses_alone(flight: Flight) -> bool:
 
 def make_stream(name: str, time_s: ArrayLike, values: ArrayLike, quantities: Sequence[str],
                 columns: Sequence[str] | None = None, **kwargs: Any) -> Stream:
-    """A Stream of the vocabulary: units and frame come from STREAM_QUANTITIES[name]; ``columns`` default to them.
+    """Make a stream of the vocabulary, with its units and frame.
 
-    time_s (n,), values (n, k) already in SI. Raises KeyError for a quantity the stream does not have.
+    Parameters
+    ----------
+    name : str
+        Key of ``STREAM_QUANTITIES``, such as ``imu``.
+    time_s : ndarray
+        (n,) seconds from the first row of the recording.
+    values : ndarray
+        (n, k) in the units of ``STREAM_QUANTITIES[name]`` (SI).
+    quantities : sequence of str
+        (k) names of the values in ``STREAM_QUANTITIES[name]``.
+    columns : sequence of str, optional
+        (k) names of the source; default: those of the quantities.
+    **kwargs
+        Further fields of ``Stream``.
+
+    Returns
+    -------
+    Stream
+        With copies only where the arrays are no float arrays.
+
+    Raises
+    ------
+    KeyError
+        For an unknown name, or a quantity that the stream does not have.
     """
     known = STREAM_QUANTITIES[name]
     frame = next(iter(known.values()))[1]

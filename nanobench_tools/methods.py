@@ -39,12 +39,31 @@ class Estimate:
 
 @runtime_checkable
 class Estimator(Protocol):
-    """``causal``: the value at t uses nothing later than t. ``flight.streams["mocap"]`` holds only the poses given."""
+    """A state estimator. ``name`` labels its rows in tables; ``causal``: an estimate at t uses only data up to t."""
 
     name: str
     causal: bool
 
-    def estimate(self, flight: Flight) -> Estimate: ...
+    def estimate(self, flight: Flight) -> Estimate:
+        """Estimate the trajectory of one flight.
+
+        Parameters
+        ----------
+        flight : Flight
+            Streams in SI. ``flight["mocap"]`` contains only the poses that the protocol gives.
+
+        Returns
+        -------
+        Estimate
+            At times of its choice: a pose of the motion capture is scored if an estimate is within 0.1 s of it.
+
+        Raises
+        ------
+        Exception
+            Any: the flight is then listed under ``failed``. The same happens to times that do not rise, other shapes,
+            and poses that are not finite.
+        """
+        ...
 
 
 @dataclass(frozen=True)
@@ -94,12 +113,16 @@ class Windows:
 
     @property
     def horizon(self) -> int:
+        """Rows of a window, H."""
         return int(self.motor.shape[1])
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """States 1..H steps after the start: position_m, velocity_m_s, rate_rad_s (n, H, 3), quaternion (n, H, 4)."""
+    """Predicted states 1..H steps after the start of n windows.
+
+    position_m, velocity_m_s (n, H, 3) world; quaternion (n, H, 4) x, y, z, w body to world; rate_rad_s (n, H, 3) body.
+    """
 
     position_m: np.ndarray
     velocity_m_s: np.ndarray
@@ -109,18 +132,41 @@ class Prediction:
 
 @runtime_checkable
 class Predictor(Protocol):
-    """``information`` is ``state`` (start state and inputs only) or ``past`` (also everything before the start)."""
+    """A model that predicts. ``information``: ``state`` (start state and inputs) or ``past`` (also the streams before
+    the start)."""
 
     name: str
     information: str
 
-    def predict(self, windows: Windows) -> Prediction: ...
+    def predict(self, windows: Windows) -> Prediction:
+        """Predict n windows of H rows.
+
+        Parameters
+        ----------
+        windows : Windows
+            Start states, and the inputs over the windows. ``windows.past`` is None for ``information = "state"``.
+
+        Returns
+        -------
+        Prediction
+            One state per row after the start, (n, H, ...).
+
+        Raises
+        ------
+        Exception
+            Any: the flight is then listed under ``failed``. The same happens to other shapes and values that are not
+            finite.
+        """
+        ...
 
 
 @dataclass(frozen=True)
 class VehicleState:
-    """States of n vehicles at one time: position_m, velocity_m_s (n, 3) world, quaternion (n, 4), rate_rad_s (n, 3)
-    body, battery_V (n,)."""
+    """States of n vehicles at one time, as their controllers receive them.
+
+    position_m, velocity_m_s (n, 3) world; quaternion (n, 4) x, y, z, w body to world; rate_rad_s (n, 3) body;
+    battery_V (n,) under load.
+    """
 
     position_m: np.ndarray
     velocity_m_s: np.ndarray
@@ -150,15 +196,41 @@ class Reference:
 
 @runtime_checkable
 class Controller(Protocol):
-    """``information`` is ``as flown``, ``preview`` or ``lead``. ``command`` returns motor PWM ratios (n, 4), 0..1.
+    """A controller that steers n vehicles at once. ``period_s``: seconds between two calls of ``command``.
 
-    ``reset(n)`` is called before a run of n vehicles, ``command`` at every ``period_s``.
+    ``information`` sets the references that it receives. ``as flown``: position and heading now. ``lead``: the same,
+    ``lead_s`` seconds ahead. ``preview``: also derivatives, and the future.
     """
 
     name: str
     information: str
     period_s: float
 
-    def reset(self, n: int) -> None: ...
+    def reset(self, n: int) -> None:
+        """Forget earlier runs; the next one has n vehicles."""
+        ...
 
-    def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray: ...
+    def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:
+        """Command the motors until the next call.
+
+        Parameters
+        ----------
+        time_s : float
+            Since the start of the run.
+        state : VehicleState
+            Of n vehicles.
+        reference : Reference
+            Of the same vehicles.
+
+        Returns
+        -------
+        ndarray
+            Motor PWM ratios (n, 4), 0..1, in the order of the firmware: front right, back right, back left, front left.
+
+        Raises
+        ------
+        Exception
+            Any; it ends the run. Ratios that are not finite or lie outside 0..1 end it with a line that names time and
+            vehicle.
+        """
+        ...

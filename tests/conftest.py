@@ -75,6 +75,7 @@ def pytest_addoption(parser) -> None:
 
 def pytest_configure(config) -> None:
     """In a run of all tests each process collects other folders first, and compiles the test files of these."""
+    gc.disable()  # until all is collected
     worker = os.environ.get("PYTEST_XDIST_WORKER")
     if worker and config.args == ["tests"]:
         parts = sorted(path for path in Path(__file__).parent.iterdir() if path.is_dir() or path.match("test_*.py"))
@@ -86,6 +87,7 @@ def pytest_collection_finish() -> None:
     """The garbage collector no longer looks through what was imported and collected."""
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 def pytest_collection_modifyitems(config, items) -> None:

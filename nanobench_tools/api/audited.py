@@ -136,6 +136,11 @@ def audit(flights: Flight | Iterable[Flight]) -> FlightAudit | FlightAudits:
     FlightAudit or FlightAudits
         For one flight or for several.
 
+    Raises
+    ------
+    NanobenchError
+        Where a flight cannot be audited; the message names it.
+
     Examples
     --------
     >>> import nanobench_tools as nb

@@ -177,6 +177,13 @@ def compare(flights: Flight | Iterable[Flight], methods: Sequence[Any], protocol
         A row per method and metric over all flights. ``ratio`` is the mean error over that of ``compared_with`` on
         the same flights, with the interval of the pairs. A method is better where ``ratio_high`` is below one.
 
+    Raises
+    ------
+    UsageError
+        For an unknown name, or fewer than two methods.
+    InputError
+        Where no flight can be scored.
+
     Examples
     --------
     >>> import nanobench_tools as nb

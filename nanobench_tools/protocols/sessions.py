@@ -105,7 +105,7 @@ def interval_note(rows: Iterable[Any], metrics: Sequence[str] = ()) -> str:
         return f"No 95 % interval: {why}."
     if found is None:
         return f"95 % intervals: {why}." if why else "95 % intervals over independent draws."
-    text = f"95 % intervals: {found} sessions are drawn, then flights within them"
+    text = f"95 % intervals: bootstrap of {found} sessions, then of flights within them"
     text += f"; {why.partition(': ')[2]} (fewer than {FEW_SESSIONS})." if why else "."
     effects = [e for row in widest for e in _effects(row.get("design_effect") or {}, metrics)]
     if effects and max(effects) > 1.0:

@@ -66,7 +66,7 @@ def test_tables_show_sessions_and_say_how_far_to_trust_intervals(results):
     found = tables_of({"estimate": {**results["estimate"], "rows": rows}}, False)
     for table in (t for t in found if t.name in ("table_task3", "table_task3_clean", "table_task3_clocks")):
         assert {row[[c.key for c in table.columns].index("sessions")] for row in table.rows} <= {4, None}
-        assert "4 sessions are drawn, then flights within them; too narrow to trust (fewer than 5)" in table.note
+        assert "bootstrap of 4 sessions, then of flights within them; too narrow to trust (fewer than 5)" in table.note
         assert "2.0 times as wide" in table.note
         assert "too narrow to trust" in to_csv(table)
         assert "too narrow to trust" in to_latex(table)

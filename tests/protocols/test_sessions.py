@@ -66,12 +66,12 @@ def test_a_table_says_how_far_to_trust_its_intervals():
     """1, 3 and 5, 7 in two sessions: intra-class correlation 14 / 18, design effect 1.78, 1.3 times as wide."""
     two = row_of([1.0, 3.0, 5.0, 7.0], [0, 0, 1, 1])
     assert interval_note([two, row_of([1.0, 2.0], [0, 1])]) == (
-        "95 % intervals: 2 sessions are drawn, then flights within them; too narrow to trust (fewer than 5). Over "
-        "flights alone they would have to be 1.3 times as wide, since flights of a session are alike (intra-class "
+        "95 % intervals: bootstrap of 2 sessions, then of flights within them; too narrow to trust (fewer than 5). "
+        "Over flights alone they would have to be 1.3 times as wide, since flights of a session are alike (intra-class "
         "correlation 0.78; square root of the design effect).")
     assert "times as wide" not in interval_note([two], ["other_m"])
     many = interval_note([row_of(np.arange(20.0) % 3, np.arange(20) // 2)])
-    assert many.startswith("95 % intervals: 10 sessions are drawn, then flights within them.")
+    assert many.startswith("95 % intervals: bootstrap of 10 sessions, then of flights within them.")
     assert interval_note([row_of([1.0, 2.0], [3, 3])]).startswith("No 95 % interval: one session")
     assert interval_note([row_of([1.0], [3])]) == "No 95 % interval: one flight."
     assert interval_note([row_of([1.0, 2.0], [-1, -1])]).startswith("95 % intervals: sessions unknown")

@@ -32,5 +32,5 @@ def find(flight: Flight, context: Context) -> list[Fault]:
 
 
 FAULT = FaultKind(KIND, find, __doc__,
-                  told="rows of {streams} are drawn between packets",
+                  told="rows of {streams} are interpolated between packets",
                   group="information", whole=True, in_overview=False, in_diagnosis=False)
