@@ -25,6 +25,7 @@ from .own_turning import FOLLOWS
 from .pairs import force_pair, gyro_pair
 from .pose_frame import pose_frame
 from .quaternion_reading import CLEARLY, FITS
+from .tracked_tilt import completed_poses
 
 READINGS = tuple(np.eye(3)[list(order)] * np.array(signs) for order in permutations(range(3))
                  for signs in product((1.0, -1.0), repeat=3))
@@ -63,7 +64,9 @@ class TurningDoubt:
 def turning_doubt(context: Context) -> TurningDoubt | None:
     """None where gyro and attitude agree, without both, and where no change of one or two columns of the attitude
     explains the gyro."""
-    stream, turning = next((name for name in ATTITUDES if name in context.flight), ""), _turning(context)
+    stream = next((name for name, columns in ATTITUDES.items() if name in context.flight and all(
+        q in context.flight[name] for q in columns)), "")
+    turning = _turning(context)
     if not stream or turning is None:
         return None
     gyro, follows = _best(turning)
@@ -131,7 +134,8 @@ def _turning(context: Context) -> np.ndarray | None:
 
 def _judges(context: Context) -> dict[str, float]:
     """Correlations that show an attitude to be right, by what is compared."""
-    poses = context if "mocap" in context.flight else context.once(own_reference)
+    tracked = "mocap" in context.flight and all(q in context.flight["mocap"] for q in ROTATION)
+    poses = context if tracked else context.once(completed_poses) or context.once(own_reference)
     if poses is None:
         return {}
     found, frame = {}, poses.once(pose_frame)

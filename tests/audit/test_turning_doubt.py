@@ -112,3 +112,41 @@ def _turning_on_the_spot():
 def test_what_agrees_is_no_finding(flown):
     for names in (("mocap", "imu"), ("attitude_qw", "imu", "estimator"), ("attitude", "imu", "motor")):
         assert _found(_with(flown, *names))[0] == set()
+
+
+@pytest.fixture(scope="module")
+def positions():
+    """A circle by the equations of a rigid body: positions without an attitude, estimated angles, a gyro."""
+    t = np.arange(0.0, 20.0, 0.01)
+    ramp = np.clip((t - 3.0) / 3.0, 0.0, 1.0) * np.clip((17.0 - t) / 3.0, 0.0, 1.0)
+    ramp = ramp * ramp * (3.0 - 2.0 * ramp)
+    p = np.stack([ramp * np.sin(1.5 * t), ramp * np.cos(1.5 * t), ramp], axis=1)
+    up = np.array([0.0, 0.0, 9.81]) + np.gradient(np.gradient(p, 0.01, axis=0), 0.01, axis=0)
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    left = np.cross(up, [1.0, 0.0, 0.0])
+    left /= np.linalg.norm(left, axis=1, keepdims=True)
+    turn = Rotation.from_matrix(np.stack([np.cross(left, up), left, up], axis=2))
+    gyro = (turn[:-1].inv() * turn[1:]).as_rotvec() / 0.01
+    return Flight("circle", {
+        "mocap": make_stream("mocap", t, p, POSE[:3]),
+        "attitude": make_stream("attitude", t, turn.as_euler("ZYX")[:, ::-1], ("roll", "pitch", "yaw")),
+        "imu": make_stream("imu", t[:-1] + 0.005, gyro, GYRO)}, {}, Provenance("made", "", "test"))
+
+
+@pytest.mark.parametrize("heading_deg", [0.0, 50.0, 180.0])
+def test_positions_confirm_the_angles_at_any_heading_between_the_worlds(positions, heading_deg):
+    path = positions["mocap"]
+    turned = Rotation.from_euler("z", heading_deg, degrees=True).apply(path.values)
+    assert _found(positions.with_streams(mocap=replace(path, values=turned)))[0] == set()
+
+
+@pytest.mark.parametrize(("angle", "gyro"), [("roll", "gyro_x"), ("pitch", "gyro_y")])
+@pytest.mark.parametrize("both", [True, False])
+def test_positions_show_an_angle_that_is_negated_with_the_gyro_and_without(positions, angle, gyro, both):
+    wrong = _changed(positions, "attitude", angle)
+    found, _ = _found(_changed(wrong, "imu", gyro) if both else wrong)
+    assert found == {("attitude", (angle,))} | ({("imu", (gyro,))} if both else set())
+
+
+def test_positions_show_a_negated_gyro(positions):
+    assert _found(_changed(positions, "imu", "gyro_y"))[0] == {("imu", ("gyro_y",))}

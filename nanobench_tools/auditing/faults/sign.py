@@ -13,7 +13,8 @@ part of the quaternion is negated. A height that only falls, of a vehicle that t
 Without motion capture the estimated angles are compared with the gyro. Where gyro and attitude contradict each other,
 other streams show which is wrong (``signals.turning_doubt``). If none does, both are listed. Estimated
 velocity, acceleration and set-point are compared with the estimated position, and that with the tilt of the estimated
-attitude (``signals.own_reference``).
+attitude (``signals.own_reference``). A tracked path without an attitude judges the estimated angles by their tilt
+(``signals.tracked_tilt``).
 
 Size: the correlation's sign, -1. Smallest found: any axis that moves enough for a correlation of 0.4. Other axes (yaw
 in flights that hold their heading, a world axis not flown along) are not judged.
@@ -30,6 +31,7 @@ from ...signals.pairs import gyro_pair, sums_of
 from ...signals.shared_frame import turns_as
 from ...signals.stream_frames import IMU, unexplained, unexplained_gravity
 from ...signals.tilt_heading import half_turned, mirrored, other_height
+from ...signals.tracked_tilt import tracked_tilt
 from ...signals.unit_sign_errors import ACC, against
 from ...signals.usable_rows import usable_streams
 from ...units import GRAVITY_M_S2
@@ -81,6 +83,13 @@ def wrong_signs(context: Context) -> list[tuple[str, str, str]]:
         found.append(("attitude", angle,
                       f"{angle} of attitude turns against {gyro} (correlation {k:+.2f}): it is negated{OR}{gyro} is"
                       + ", and angles of pitch are positive nose down" * (angle == "pitch")))
+    tilt = context.once(tracked_tilt)
+    if tilt is not None and not angles:
+        words = (f"the vehicle speeds up as the mirror image of the tilt by the estimated angles: with "
+                 f"{' and '.join(tilt.angles)} negated they correlate {tilt.follows:+.2f}, as stored at most "
+                 f"{tilt.stored:+.2f}")
+        found += [("attitude", angle, words) for angle in tilt.angles]
+        found += [("imu", gyro, f"{words}; {gyro} turns with it") for gyro in tilt.gyro]
     return found
 
 
