@@ -209,12 +209,12 @@ def run(stamps_s: np.ndarray, time_s: np.ndarray, acc: np.ndarray, gyro: np.ndar
     """Filters rows ``first`` .. of (n,) rows, from ``state`` and ``cov``. These end as after the last row.
 
     ``stamps_s``, ``time_s`` (n,): the rows' stamps, and those on which the IMU is integrated. ``flying`` (n,) bool:
-    drag counts. acc, gyro (n, 3); ``drawn`` (n,): share of the row that carries no packet; ``told`` (n, 6) or (0, 6):
-    body velocity x, y from another source [m/s], its SD [m/s] and its derivative by the accelerometer's bias [s];
-    ``pose_of`` (n + 1,): poses pose_of[i]..pose_of[i + 1] have arrived by row i; ``pose_s`` (m,) when they were
-    measured; ``poses`` (m, 7). sums (n, 6), turns (n, 4): room for what the IMU alone would integrate to. ``out`` (n,
-    11): position, velocity, quaternion and the squared innovation of the positions of the row's poses (nan: none);
-    ``sds`` (n, 9, 9): covariance of position, velocity and attitude as they are given out, or (0, 9, 9) for none.
+    drag counts. acc, gyro (n, 3); ``drawn`` (n,): share of the row that carries no packet. ``told`` (n, 6) or (0, 6):
+    body velocity x, y from another source [m/s] and its SD [m/s]. Then its derivative by the accelerometer's bias [s].
+    ``pose_of`` (n + 1,): poses pose_of[i]..pose_of[i + 1] have arrived by row i. ``pose_s`` (m,): when they were
+    measured. ``poses`` (m, 7). sums (n, 6), turns (n, 4): room for the integrals of the IMU alone. ``out`` (n, 11):
+    position, velocity, quaternion and the squared innovation of the positions of the row's poses (nan: none).
+    ``sds`` (n, 9, 9): covariance of the position, velocity and attitude in ``out``, or (0, 9, 9) for none.
     """
     n = len(time_s)
     other = np.empty((ERROR, ERROR))

@@ -8,8 +8,8 @@ get the same tracks after audit and re-timing, and the same vocabulary. A column
 one parameter of one term on force and torque along the flights, scaled to RMS 1. The target is the residual of all six
 channels, each in units of its spread. Of ``mass`` and ``thrust_scale``, which do the same, it is given one. Two ways:
 
-    STLSQ           threshold by flights held out in turn, the sparsest within one standard error of the best
-    best threshold  one threshold for all cases: the one that gets most of these very cases right (flatters pysindy)
+    STLSQ           Threshold by flights held out in turn: the sparsest within one standard error of the best.
+    best threshold  One threshold for all cases, with most of these very cases right. It flatters pysindy.
 
 Sparse regression cannot report "unknown", nor that two terms are indistinguishable. Both are scored by the rules of
 ``nanobench prove``. There an identified effect is right when it is the concealed term or its declared twin. A

@@ -50,9 +50,12 @@ PLANNER, LOG, ECHO = kind(Port.HIGH_LEVEL), kind(Port.LOG), kind(Port.LINK)
 
 @dataclasses.dataclass(frozen=True)
 class Fault:
-    """``up``, ``down``: a ``share`` of these packets is lost for ``lasts_s``, or ``late_s`` late. ``pose``
-    (pose, those before, s since) -> pose or None. ``step``: called every millisecond with world and s since. ``pilot``
-    (packet, s since) -> packet. ``world``: settings of the vehicle."""
+    """One fault.
+
+    - ``up``, ``down``: a ``share`` of these packets is lost for ``lasts_s``, or ``late_s`` late.
+    - ``pose``: (pose, earlier poses, s since the start) -> pose or None. ``pilot``: (packet, s since) -> packet.
+    - ``step``: called every millisecond with the world and s since. ``world``: settings of the vehicle.
+    """
 
     up: Kind | None = None
     down: Kind | None = None

@@ -21,9 +21,11 @@ LONGEST_COMMAND = 320
 
 def close(options: Options, result: str, why: str = "", *command: object, screen: Sequence[Table | str] = (),
           detail: Sequence[Table | str] = (), lines: int = 0, first: bool = False) -> None:
-    """Shows as much of the ``screen`` as fits the terminal (or ``lines``), ``first`` all rows of its first table. With
-    ``--verbose`` shows all of ``detail``.
-    Then shows ``result`` and, where there is one, the next ``command`` (its words) and its purpose."""
+    """Print the end of a verb: its screen, its result, and the next ``command`` (its words) with its purpose ``why``.
+
+    The ``screen`` is cut to the terminal, or to ``lines``. ``first`` keeps all rows of its first table.
+    ``--verbose`` prints all of ``detail`` instead.
+    """
     if options.silent:
         return
     width = screen_width()

@@ -165,7 +165,7 @@ def gate_body(options: Options, flights: Sequence[Flight], audits: Mapping[str, 
 
     cases, reasons = gate.select(flights, audits, chosen.trained, recorded)
     if not cases:
-        note = "no recording to judge the plant by: " + "; ".join(sorted(set(reasons.values())))
+        note = "no recording can validate the plant: " + "; ".join(sorted(set(reasons.values())))
         if requested:
             raise InputError(flights[0].provenance.path if flights else "data", note)
         return GateBody(gate_note=note)

@@ -69,7 +69,9 @@ def sources(options: Options) -> int:
 
 
 def datasets() -> list[dict[str, str]]:
-    """Public data sets: name, read (sources that open its files), licence, size, get, use; "unknown" where the files
-    that were looked at do not state it."""
+    """Public data sets: name, read (sources that open its files), licence, size, get, use.
+
+    A value that the inspected files do not state is "unknown".
+    """
     text = resources.files("nanobench_tools.sources").joinpath("datasets.toml").read_text(encoding="utf-8")
     return [{key: str(entry[key]) for key in DATASET_KEYS} for entry in tomllib.loads(text)["dataset"]]

@@ -236,7 +236,7 @@ def trade(rows: Sequence[PredictionRow], exported: str, best: str | None) -> str
 
     rolls = [answer.roll.after_s[SHOWN_S].answer for answer in (found[best].command_response,
                                                                found[SIMULATOR].command_response) if answer is not None]
-    weaker = f", and answers a roll command with {rolls[0] / rolls[1]:.2f} of what the vehicle does" if (
+    weaker = f"; its response to a roll command is {rolls[0] / rolls[1]:.2f} of the vehicle's" if (
         len(rolls) == 2 and rolls[1]) else ""
     return (f"Exported is {exported}, a physical vehicle: off by {errors(SIMULATOR)} after half a second without a "
             f"controller. {best} predicted the training flights best ({errors(best)}){weaker}.")

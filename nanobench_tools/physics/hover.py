@@ -47,8 +47,10 @@ class Hover(Result):
 
 
 def doubts(model: Model) -> list[str]:
-    """Implausible parameters of ``model``, one line each. Their distance from published thrust-stand and firmware
-    values exceeds the factor of their term."""
+    """Implausible parameters of ``model``, one line each: further from published values than the factor of their term.
+
+    The values are those of thrust measurements and of the firmware.
+    """
     found = []
     arm = np.mean(np.hypot(*np.transpose(model.vehicle.motor_positions_m)))
     usual_arm = np.mean(np.hypot(*np.transpose(Vehicle().motor_positions_m)))

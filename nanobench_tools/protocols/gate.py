@@ -173,7 +173,7 @@ def select(flights: Sequence[Flight], audits: Mapping[str, Audit], trained: Sequ
         if audit is None or whole is None:
             reasons[flight.name] = "lacks a stream the gate needs"
         elif audit.controller not in BY_REPORTED_NAME:
-            reasons[flight.name] = f"flown by {audit.controller}, which is not of the firmware"
+            reasons[flight.name] = f"flown by {audit.controller}, which is not a controller of the firmware"
         elif (setpoint_kind := flight.metadata.get("setpoints", "position")) != "position":
             reasons[flight.name] = f"flown by setpoints of {setpoint_kind}, not of positions"
         elif any(_overlaps(flight, begin, end) for begin, end in trained):

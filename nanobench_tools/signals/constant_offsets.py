@@ -33,7 +33,7 @@ VELOCITIES = {"estimator": ("vx", "vy", "vz"), "mocap": ("vx", "vy", "vz")}
 
 @dataclass(frozen=True)
 class ConstantOffset:
-    """``offset`` of each of ``quantities`` of a stream, in ``unit``; those beyond ``limit`` are ``wrong``."""
+    """Constant offsets of a stream, one per quantity, in ``unit``. An offset beyond ``limit`` is ``wrong``."""
 
     stream: str
     quantities: tuple[str, ...]

@@ -255,8 +255,8 @@ def _angle_signs_by_path(draft: Draft, values: Mapping[str, np.ndarray], angles:
     elif best == NOSE_UP:
         _turn_pitch(draft, "the vehicle speeds up the other way", shown=True)
     else:
-        draft.ask([("attitude", name) for name in ANGLES], "the vehicle speeds up against its tilt: is an angle or a "
-                  "position negated (write sign = -1 there), or are the two in worlds of other headings?")
+        draft.ask([("attitude", name) for name in ANGLES], "the vehicle accelerates against its tilt: is an angle or a "
+                  "position negated (write sign = -1 there)? Or do the two have different headings?")
 
 
 def _turn_pitch(draft: Draft, why: str, shown: bool) -> None:

@@ -1,9 +1,9 @@
 """Recordings of the IDSIA nano-quadrotor benchmark (Crazyflie 2.1 Brushless): raw CSV, or Parquet of its model export.
 
-Everything is on a grid of 100 Hz that holds the last value. ``m1_thrust`` .. are motor commands as a share of full,
-``m1_erpm`` .. electrical speeds of motors with six pole pairs, ``ax ay az`` the acceleration of the onboard estimate in
-the world with gravity. There is no accelerometer, and the motion capture has positions only. ``torch_yaw`` is a copy
-of ``thrust`` and is not read.
+All columns are on a grid of 100 Hz that holds the last value. ``m1_thrust`` .. are motor commands as a share of full.
+``m1_erpm`` .. are electrical speeds of motors with six pole pairs. ``ax ay az`` is the acceleration of the onboard
+estimate in the world, with gravity. There is no accelerometer, and the motion capture has positions only. ``torch_yaw``
+is a copy of ``thrust`` and is not read.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """INSANE (CSV, folders or zip archives of its sensors): several inertial sensors, RTK, motion capture indoors.
 
 ``px4_imu.csv`` is the vehicle's inertial sensor (forward, left, up) and becomes ``imu``. ``mocap_vehicle_data.csv``, or
-outdoors ``ground_truth/ground_truth_8hz.csv`` from two RTK receivers, becomes ``mocap``. Everything else becomes
-``extra_NAME``: the other inertial sensors have axes of their own, and ``px4_rpm.csv`` is normalised.
+outdoors ``ground_truth/ground_truth_8hz.csv`` from two RTK receivers, becomes ``mocap``. All others become
+``extra_NAME``: the other inertial sensors have different axes, and ``px4_rpm.csv`` is normalised.
 """
 
 from __future__ import annotations

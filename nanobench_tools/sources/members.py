@@ -16,8 +16,8 @@ from .payload import UNREADABLE, ZIP_MAGIC, digest, only_member, read_file, unpa
 
 @dataclass(frozen=True)
 class Gathered:
-    """One recording: ``place`` names it in messages, ``label`` is the path from which its name is taken, ``files`` by
-    their names within it."""
+    """One recording of several files. ``place`` names it in messages, and ``label`` is the path that gives its name.
+    ``files`` have their names within it as keys."""
 
     place: Path
     label: Path

@@ -62,8 +62,8 @@ STREAMS: dict[str, tuple[Column, ...]] = {
 }
 
 MARKS = frozenset(c.name for c in COLUMNS if c.stream not in ("mocap", "imu") or c.name.endswith("_vicon"))
-"""Names that no other format has: log groups of the vehicle behind a prefix, and what says ``vicon``. Other files may
-use the remaining names, such as ``t``, ``qx``, ``vx`` and ``imu_acc_x``, in other units and for other sources."""
+"""Names that no other format has: log groups of the vehicle behind a prefix, and names with ``vicon``. Other files may
+use the remaining names in other units and for other sources: ``t``, ``qx``, ``vx``, ``imu_acc_x``."""
 
 PLAIN_POSE = tuple(c.name for c in COLUMNS if c.stream == "mocap" and c.name not in MARKS)
 POSITION = ("px", "py", "pz")

@@ -53,9 +53,9 @@ LARGEST_COMMAND = {"pulse_us": PULSES, "%": (5.0, 105.0), "1": (0.05, 1.05),
 THRUST_PER_WATT = (0.002, 0.6)
 """N per W of electrical power, between a brushed toy at full command and a large slow propeller (some 0.02 and 0.2)."""
 PROPELLERS = (5e-4, 20.0)
-"""T^5 n^2 / (rho P^4) of one propeller: thrust in N, speed in 1/s, electrical power in W. Propellers of all sizes have
-C_T^5 / C_P^4, which is f^4 / (0.41 C_T), with C_T from 0.04 to 0.25 and f, the figure of merit times the efficiency of
-motor and controller, from 0.1 to 0.75. A brushed Crazyflie has 0.017, a 10 inch propeller some 0.5."""
+"""T^5 n^2 / (rho P^4) of one propeller: thrust in N, speed in 1/s, electrical power in W. It is C_T^5 / C_P^4 for
+propellers of all sizes, or f^4 / (0.41 C_T). C_T is 0.04 to 0.25. The figure of merit times the efficiency of motor and
+controller, f, is 0.1 to 0.75. A brushed Crazyflie has 0.017, a 10 inch propeller some 0.5."""
 POLE_PAIRS = (3, 21)
 """Of brushless motors that turn propellers: the electrical speed is so many times the speed."""
 TIP_M_S = (30.0, 300.0)

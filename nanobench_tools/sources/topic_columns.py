@@ -1,6 +1,9 @@
-"""Columns of several topics of PX4 or messages of MAVLink in one table: ``vehicle_local_position.x``,
-``vehicle_attitude_0_q[1]``, ``/vehicle_attitude.00/q.01``, ``/fmu/out/vehicle_attitude/q[1]`` of ROS 2,
-``LOCAL_POSITION_NED.x``."""
+"""Columns of several topics of PX4 or messages of MAVLink in one table.
+
+- PX4: ``vehicle_local_position.x``, ``vehicle_attitude_0_q[1]``, ``/vehicle_attitude.00/q.01``
+- ROS 2: ``/fmu/out/vehicle_attitude/q[1]``
+- MAVLink: ``LOCAL_POSITION_NED.x``
+"""
 
 from __future__ import annotations
 

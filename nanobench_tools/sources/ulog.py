@@ -1,5 +1,4 @@
-"""PX4 flight logs (ULog, ``.ulg``), parsed by pyulog (extra ``ulog``), or as tables; topics and axes in
-``ulog_topics``."""
+"""PX4 flight logs: ULog (``.ulg``, parsed by pyulog, extra ``ulog``) or tables. ``ulog_topics`` has topics and axes."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ MOST_ROWS = 64
 DECIDED = 0.3
 """Correlation with the turning of the attitude from which on the sign of the pitch rate is shown."""
 MOVES_RAD_S = 0.1
-"""Standard deviation of the turning below which the vehicle stands, and noise decides the correlation."""
+"""Standard deviation of the turning rate of a vehicle at rest: below it, noise decides the correlation."""
 LAG = 8
 """Rows over which the attitude is compared with the rate: 80 ms at 100 Hz, since it is logged with 0.1 deg digits."""
 _NAME = re.compile(rb"([A-Za-z_][\w.]*)\(([BbHhIif])\)")

@@ -100,7 +100,7 @@ def predicted(body: SysidBody) -> str:
     alike = [other for other in rows if not other.trouble
              and (other.clock, other.truth, other.information) == (row.clock, row.truth, row.information)]
     least = min([row, *alike], key=_off_m)
-    but = "" if least is row else f"; least on these flights: {least.model}, {_off_m(least):.3g} m"
+    but = "" if least is row else f"; smallest error on these flights: {least.model}, {_off_m(least):.3g} m"
     where = " on the training flights" if but else ""
     return (f"best of class state{where}: {best}, off by {_off_m(row):.3g} m after half a second "
             f"({_flights(row.n_flights)}){but}")

@@ -17,8 +17,8 @@ def row(model: str, error: float, answer: float | None, truth: str = "onboard"):
                            command_response=None if answer is None else SimpleNamespace(roll=roll))
 
 
-@pytest.mark.parametrize(("answer", "words"), [(0.25, "(0.04 m, 0.04 m/s, 0.04 rad, 0.04 rad/s), and answers a roll "
-                                                      "command with 0.12 of what the vehicle does."),
+@pytest.mark.parametrize(("answer", "words"), [(0.25, "(0.04 m, 0.04 m/s, 0.04 rad, 0.04 rad/s); its response to a "
+                                                      "roll command is 0.12 of the vehicle's."),
                                                (None, "(0.04 m, 0.04 m/s, 0.04 rad, 0.04 rad/s).")])
 def test_both_errors_and_the_answer_to_a_command_are_those_of_the_rows(answer, words):
     said = trade([row("best", 0.04, answer), row(SIMULATOR, 0.5, 2.0), row("best", 0.7, 1.0, "mocap"),
@@ -29,8 +29,8 @@ def test_both_errors_and_the_answer_to_a_command_are_those_of_the_rows(answer, w
 
 @pytest.mark.parametrize(("other", "words"), [
     (0.3, "best of class state: chosen, off by 0.2 m after half a second (1 flight)"),
-    (0.1, "best of class state on the training flights: chosen, off by 0.2 m after half a second (1 flight); least on "
-          "these flights: other, 0.1 m")])
+    (0.1, "best of class state on the training flights: chosen, off by 0.2 m after half a second (1 flight); "
+          "smallest error on these flights: other, 0.1 m")])
 def test_a_model_is_the_best_only_of_the_flights_it_was_chosen_on(other, words):
     rows = [SimpleNamespace(**vars(row(model, error, None)), clock="as-recorded", information="state", trouble="",
                             n_flights=1)

@@ -99,7 +99,7 @@ def test_recordings_the_plant_was_made_from_do_not_judge_it():
     cases, reasons = gate.select(flights, audits, [(1e9 - 5.0, 1e9 + 1.0)])
     assert [c.flight.name for c in cases] == ["f1"]
     assert reasons["f0"] == "the plant was identified from it"
-    assert "not of the firmware" in reasons["f2"]
+    assert "not a controller of the firmware" in reasons["f2"]
 
 
 def test_the_radio_is_silent_on_the_stamps_of_the_receiver():

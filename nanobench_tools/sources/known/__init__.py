@@ -1,21 +1,21 @@
-"""Names that other programs give to columns and variables, one TOML file an ecosystem: what each means, in which unit.
+"""Names that other programs give to columns and variables, with meaning and unit: one TOML file an ecosystem.
 
-A file holds ``title``, ``origin`` (where the names and units are documented) and entries ``[[names]]``:
+A file has ``title``, ``origin`` (where the names and units are documented) and entries ``[[names]]``:
 
-``name``     as the ecosystem writes it; ``{x,y,z}`` stands for one name each, and so on in ``is`` at the same place;
+``name``     as the ecosystem writes it. ``{x,y,z}`` makes one name of each, with the same place in ``is``;
              braces in ``is`` alone are one name for several quantities
 ``is``       ``stream.quantity`` of the vocabulary, ``time``, or absent where the vocabulary has no place; then
-``what``     describes it in a few words. In addition to ``is``: the column alone does not give the quantity, so
-             tables leave it out, and a reader that has the rest of the message uses it
+``what``     describes it in a few words. With both ``what`` and ``is``, the column alone does not give the quantity:
+             tables omit it. Only a reader of the whole message uses it
 ``unit``     as ``units`` knows it (default "1"; "" where the numbers have to show it); ``sign``, ``offset`` [SI] and
              ``invalid`` (an invalid reading)
-``topic``    of PX4 and ROS: the message, or list of messages, the name belongs to; of several messages that give one
-             stream the first in the file is the best
+``topic``    of PX4 and ROS: the message, or list of messages, of this name. If several messages give one stream,
+             the first in the file is the best
 ``frame``    axes of the numbers (``axes``), where they are not ours
 ``generic``  true where others write the same name for numbers in other units: the unit is assumed
 ``plain``    true where others call columns the same: the name alone does not show the ecosystem
 
-Several names may give one quantity: the first one in the file that is there is taken.
+Several names may give one quantity: the first of them in the file counts.
 """
 
 from __future__ import annotations
