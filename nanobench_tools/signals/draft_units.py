@@ -284,10 +284,13 @@ def _gyro(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarray) ->
                 draft.confirm(keys, f"as in {named}; {' or '.join(fits)} is possible")
             elif fits:
                 draft.set_unit(draft.open(keys), fits[0], f"it reaches {np.nanmax(np.abs(cells)):.3g}")
-        elif len(fits) > 1:
+        elif len(fits) > 1 and "rad/s" in fits:
             draft.ask(keys, f"{' or '.join(fits)}? both are possible; write unit = \"rad/s\" or \"deg/s\" at each")
-        elif fits and fits != ["rad/s"]:
+        elif fits == ["deg/s"]:
             draft.set_unit(keys, fits[0], f"it reaches {np.nanmax(np.abs(cells)):.3g}")
+        elif fits and fits != ["rad/s"]:
+            draft.ask(keys, f"it reaches {np.nanmax(np.abs(cells)):.3g}: {', '.join(fits)} or counts of the sensor? "
+                      f"write unit = \"{fits[0]}\" at each, or convert counts to rad/s")
     elif float(np.nanquantile(np.abs(cells), 0.999)) * factor(unit) > 2.0 * evidence.FASTEST_RAD_S:
         draft.ask(keys, f"in {unit} it reaches more than any gyro measures; which unit is it?")
 

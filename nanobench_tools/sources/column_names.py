@@ -13,7 +13,7 @@ from .units_as_written import unit_as_written
 
 _UNIT = re.compile(r"[\s_]*[\[(]\s*(?!\d+\s*[\])])([^\[\]()]*?)\s*[\])]\s*$")
 _ENDS = re.compile(r"^(.*[^_])_(m_s2|m_s\^2|mm_s2|mps2|rad_s|radps|deg_s|degps|dps|m_s|mps|mm_s|ms|us|ns|[mun]sec|s|"
-                   r"sec|m|mm|cm|rad|deg|V|mV|g|mg|N|kgf|gf|rpm|percent|pct)$")
+                   r"sec|m|mm|cm|ft|fps|ft_s|rad|deg|V|mV|mv|g|mg|N|kgf|gf|rpm|percent|pct)$")
 _TIME_UNIT = re.compile(r"(?i)(time|timestamp)(us|ms|ns)")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _APART = re.compile(r"[^a-z0-9]+")
@@ -25,13 +25,14 @@ _WANTED = {"sp", "setpoint", "ref", "reference", "des", "desired", "target", "ct
 _ESTIMATED = {"estimate", "estimated", "est", "ekf", "kalman", "state", "onboard", "odom", "odometry"}
 _MEASURED = {"mocap", "vicon", "optitrack", "qualisys", "gt", "truth", "groundtruth", "meas",
              "measured", "actual", "true", "nokov"}
-_ACC = {"acc", "accel", "acceleration", "accelerometer", "a"}
-_GYRO = {"gyro", "gyr", "gyroscope", "g", "rate", "rates", "w", "omega", "angvel"}
-_VELOCITY = {"v", "vel", "velocity", "speed"}
+_ACC = {"acc", "accel", "acceleration", "accelerometer", "a", "beschleunigung"}
+_GYRO = {"gyro", "gyr", "gyroscope", "g", "rate", "rates", "w", "omega", "angvel", "drehrate", "winkelgeschwindigkeit"}
+_VELOCITY = {"v", "vel", "velocity", "speed", "geschwindigkeit", "vitesse"}
 _TURN = {"q", "quat", "quaternion", "orientation", "rot", "att", "attitude"}
 _PLACE = {"p", "pos", "position", "t", "translation", "trans"}
 _MOTOR, _SPEED = {"m", "motor", "motors", "pwm", "u", "esc", "throttle"}, {"rpm", "rotor"}
-_BATTERY, _THRUST = {"vbat", "battery", "batt", "bat", "vbatt", "voltage"}, {"thrust", "collective", "throttle"}
+_BATTERY = {"vbat", "battery", "batt", "bat", "vbatt", "voltage", "batteriespannung"}
+_THRUST = {"thrust", "collective", "throttle"}
 _PLAIN = {"imu", "sensor", "body", "b", "filtered", "filt", "pose", "world", "global", "local",
           "log", "data", "vehicle", "crazyflie", "quadrotor", "drone", "linear", "lin", "angular", "ang", "pm", "raw",
           "frame", "stamped", "header", "field", "volt", "volts", "v", "out", "output", "msg", "rigid",
@@ -44,10 +45,14 @@ NUMBERED = "0123"
 others."""
 _COUNTED = {"012": "xyz", "123": "xyz", "1234": NUMBERED}
 _AXES = ("NED", "ENU", "NWU")
+_ANGLES = {"rollwinkel": "roll", "nickwinkel": "pitch", "gierwinkel": "yaw", "roulis": "roll", "tangage": "pitch",
+           "lacet": "yaw"}
+"""Names of angles in German and French."""
 _GREEK = {"phi": "roll", "theta": "pitch", "psi": "yaw"}
+_HAMILTON = {"i": "x", "j": "y", "k": "z", "real": "w"}
 _BODY_RATES = {"p": "x", "q": "y", "r": "z"}
 _TIME = {"t", "time", "timestamp", "timestamps", "stamp", "ts", "sec", "secs", "seconds", "datetime", "elapsed",
-         "boot", "utime", "zeit"}
+         "boot", "utime", "zeit", "temps"}
 _NO_PLACE = _MOTOR | _SPEED | _BATTERY | _THRUST | _TIME - {"t"} | {"imu", "sensor", "ang", "angular", "lin", "linear",
                                                                     "b"}
 """Words of vectors that are no positions, where they have a direction."""
@@ -76,7 +81,7 @@ def words_of(column: str) -> tuple[list[str], str]:
         column = column[:match.start()]
     elif match := _ENDS.match(column) or _TIME_UNIT.fullmatch(column):
         column = match[1]
-    words = [w for w in _APART.split(_CAMEL.sub("_", column).lower()) if w]
+    words = [_ANGLES.get(w, w) for w in _APART.split(_CAMEL.sub("_", column).lower()) if w]
     if words and (glued := re.fullmatch(r"([a-z]+?)([wxyz]|[0-8])", words[-1])) and glued[1] in (
             _ACC | _GYRO | _VELOCITY | _TURN | _MOTOR | _SPEED | _PLACE):
         words[-1:] = [glued[1], glued[2]]
@@ -111,7 +116,7 @@ def meaning(column: str) -> tuple[str, str] | str:
         return "", "time"
     if (last in _CHARGE and before & _BATTERY) or (last in _BATTERY and unit == "%"):
         return "a battery level as a percentage, which is no voltage"
-    if last in _BATTERY or (last in ("v", "volt", "volts") and before & _BATTERY):
+    if last in _BATTERY or (last, unit) == ("tension", "V") or (last in ("v", "volt", "volts") and before & _BATTERY):
         return "battery", "vbat"
     if last in _THRUST:
         return "command", "thrust"
@@ -270,6 +275,8 @@ def directed(columns: Iterable[str]) -> dict[str, tuple[str, str]]:
         names = dict(zip(numbers, letters, strict=False)) if vector == (letters == "xyz") and (
             vector or set(before) & _TURN) else {}
         names |= {word: name for word, name in _GREEK.items() if set(_GREEK) <= set(there)}
+        names |= {word: name for word, name in _HAMILTON.items() if set(before) & _TURN and set(_HAMILTON) <= set(
+            there)}
         names |= {word: f"gyro_{axis}" for word, axis in _BODY_RATES.items() if not before and set(_BODY_RATES) <= set(
             there)}
         found.update({there[word]: ("_".join([*before, name]), "") for word, name in names.items()})

@@ -269,3 +269,34 @@ def test_a_column_once_more_or_in_another_unit_is_none(tmp_path, factor):
     _, draft = read(written(tmp_path, {"t": t, **vector(("x [m]", "y [m]", "z [m]"), p), **again}))
     assert draft.mapped["mocap", "px"] == ("x [m]", "m")
     assert draft.questions == ()
+
+
+@pytest.mark.parametrize(("peak", "asked"), [(3000.0, True), (50.0, False)])
+def test_a_gyro_beyond_degrees_may_be_counts(tmp_path, peak, asked):
+    """Counts of 16.4 per deg/s were read as mrad/s, which differ by 6 %."""
+    t, *_, w = flown()
+    columns = {"t": t, "vbat": 4.0 - 0.01 * t, **vector(("gx", "gy", "gz"), w * peak / np.abs(w).max())}
+    draft = draft_columns(written(tmp_path, columns))
+    assert any("counts of the sensor" in q for q in draft.questions) == asked
+    assert (("imu", "gyro_x") in draft.mapped) != asked
+
+
+def test_german_and_french_names_feet_and_parts_of_a_quaternion(tmp_path):
+    t, p, v, _, turn, w = flown()
+    angles = np.degrees(turn.as_euler("ZYX")[:, ::-1])
+    german, _ = read(written(tmp_path, {
+        "Zeit [s]": t, **vector(("Position_x [mm]", "Position_y [mm]", "Position_z [mm]"), 1000.0 * p),
+        **vector(("Rollwinkel [deg]", "Nickwinkel [deg]", "Gierwinkel [deg]"), angles),
+        **vector(("Drehrate_x [deg/s]", "Drehrate_y [deg/s]", "Drehrate_z [deg/s]"), np.degrees(w)),
+        "Batteriespannung [mV]": 4000.0 - t}, "german.csv"))
+    np.testing.assert_allclose(german["imu"].values, w, atol=1e-7)
+    np.testing.assert_allclose(german["attitude"]["roll", "pitch", "yaw"], np.radians(angles), atol=1e-7)
+    assert german["battery"]["vbat"][0] == pytest.approx(4.0)
+    french, _ = read(written(tmp_path, {
+        "temps (s)": t, **vector(("x_ft", "y_ft", "z_ft"), p / 0.3048),
+        **vector(("vitesse_x (m/s)", "vitesse_y (m/s)", "vitesse_z (m/s)"), v),
+        **vector(("q_i", "q_j", "q_k", "q_real"), turn.as_quat()), "tension (V)": 4.0 - 0.001 * t}, "french.csv"))
+    np.testing.assert_allclose(french["mocap"]["px", "py", "pz"], p, atol=1e-7)
+    np.testing.assert_allclose(french["mocap"]["vx", "vy", "vz"], v, atol=1e-7)
+    np.testing.assert_allclose(french["mocap"]["qx", "qy", "qz", "qw"], turn.as_quat(), atol=1e-7)
+    assert french["battery"]["vbat"][0] == pytest.approx(4.0)

@@ -85,9 +85,8 @@ def wrong_signs(context: Context) -> list[tuple[str, str, str]]:
                       + ", and angles of pitch are positive nose down" * (angle == "pitch")))
     tilt = context.once(tracked_tilt)
     if tilt is not None and not angles:
-        words = (f"the vehicle speeds up as the mirror image of the tilt by the estimated angles: with "
-                 f"{' and '.join(tilt.angles)} negated they correlate {tilt.follows:+.2f}, as stored at most "
-                 f"{tilt.stored:+.2f}")
+        words = (f"the path mirrors the estimated tilt ({tilt.stored:+.2f}); with {' and '.join(tilt.angles)} negated "
+                 f"it follows ({tilt.follows:+.2f})")
         found += [("attitude", angle, words) for angle in tilt.angles]
         found += [("imu", gyro, f"{words}; {gyro} turns with it") for gyro in tilt.gyro]
     return found
