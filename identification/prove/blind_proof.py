@@ -173,7 +173,7 @@ def open_and_score(sealed: Sealed, verdicts: Mapping[str, Diagnosed], folder: Pa
         if found is None:
             continue
         if found.truth != seal([truth]):
-            raise InputError(place, f"what was diagnosed as {truth.case} is not the case that was sealed",
+            raise InputError(place, f"the case diagnosed as {truth.case} is not the sealed one",
                              "these packages do not make the same numbers twice: use --jobs 1")
         cases.append(score_case(truth, found.verdict))
     return cases

@@ -281,9 +281,9 @@ def _show_commands(options: Options, rows: Sequence[PredictionRow]) -> None:
     if not found:
         return
     one = next(iter(found.values()))
-    table = rich_table(f"Answer to a step of {one.step:g} of PWM in the inputs, {data_word(options)} data, "
-                        f"{one.windows} windows: change after {SHOWN_S} s, and its share of rigid-body physics of "
-                        "numbers from firmware, scale and ruler", wrapped=("model",))
+    table = rich_table(f"Response to a step of {one.step:g} of PWM, {data_word(options)} data, {one.windows} "
+                        f"windows: change after {SHOWN_S} s, and its share of that of a rigid body with numbers from "
+                        "firmware, scale and ruler", wrapped=("model",))
     for name in MIX:
         table.add_column(f"{name} {getattr(one, name).after_s[SHOWN_S].unit}", justify="right", no_wrap=True)
     table.add_column("is it a vehicle?")

@@ -59,8 +59,8 @@ def overview(results: Results) -> Words:
             found[kind] = found.get(kind, 0) + 1
     if lost:
         lines.append(f"In {_count(len(lost), 'recording')} the log of a stream ends while the vehicle is in the air, "
-                     f"{format_duration(sum(lost))} before it lands in all; the file goes on with rows that no sensor "
-                     "sent, and these are cut.")
+                     f"in total {format_duration(sum(lost))} before it lands. The file goes on with rows that no "
+                     "sensor sent, and these are cut.")
     repeats = " and ".join(text for n, text in ((copies, _count(copies, "copy", "copies")),
                                                 (slices, _count(slices, "slice"))) if n)
     if repeats:
@@ -146,8 +146,8 @@ def _published_task1(row: Mapping[str, Any]) -> list[str]:
         if abs(early - late) <= 0.1 * early:
             lines.append(f"{_person(row.get('model'))}: the published velocity error grows in proportion to time, by "
                          f"{format_number(early, 1)} m/s² from the first step on, {format_number(early / 9.81, 2)} of "
-                         "gravity: a constant error of the thrust, which a right thrust curve takes away, and no limit "
-                         "of physics.")
+                         "gravity. This is a constant error of the thrust, which a right thrust curve removes, and no "
+                         "limit of physics.")
     return lines
 
 

@@ -34,8 +34,7 @@ def clocks_of(topics: Mapping[str, Messages]) -> tuple[dict[str, np.ndarray], li
             times[name] = sent[name] + round((late[name] - usual) * 1e9)
             first = sent[name][0] * 1e-9
             told.append(f"{name}: its clock differs from the others' (it begins at {first:.3f} s, received at "
-                        f"{at[0] * 1e-9:.3f} s); its timestamps are moved to the time at which its messages were "
-                        "received")
+                        f"{at[0] * 1e-9:.3f} s). Its timestamps are moved to the times of reception")
         else:
             times[name] = sent[name]
     return times, told

@@ -192,8 +192,8 @@ def with_sheet(flight: Flight, sheet: Sheet, own: bool) -> Flight:
             "truncated",
             "",
             (),
-            f"the last row stands {early_s:.2f} s or more before the end the sheet names, and {rows} rows where it "
-            f"counts {stated}",
+            f"the last row is {early_s:.2f} s or more before the end that the sheet states, and there are {rows} of "
+            f"its {stated} rows",
             (end, end),
             float(stated - rows),
             "rows",

@@ -193,10 +193,10 @@ def _nothing(bag: Bag) -> tuple[str, str]:
 
 
 def _undefined(bag: Bag) -> list[str]:
-    unread = [f"topic {topic} is not read: the bag holds no definition of {kind}; convert it to MCAP where the package "
+    unread = [f"topic {topic} is not read: the bag has no definition of {kind}. Convert it to MCAP where the package "
               "of that type is installed (ros2 bag convert)" for topic, kind in bag.undefined.items()]
-    return unread + [f"topic {topic}: the bag holds no definition of {kind}; it is assumed to be that of the released "
-                     "package; an MCAP file would hold it" for topic, kind in bag.assumed.items()]
+    return unread + [f"topic {topic}: the bag has no definition of {kind}. That of the released package is assumed; "
+                     "an MCAP file would contain it" for topic, kind in bag.assumed.items()]
 
 
 def _stream(plan: _Plan, bag: Bag, time_ns: np.ndarray, faults: list[Fault], notes: list[str]) -> Stream | None:

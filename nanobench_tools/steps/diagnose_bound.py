@@ -89,6 +89,6 @@ def _sentence(found: Bound, named: bool) -> str:
         before, best, after = (errors[q]["50"] for errors in (found.simulator, found.flexible, found.corrected))
         parts.append(f"{title} {before:.3f} {unit} by the simulator, {best:.3f} with the network"
                      + (f", {after:.3f} with what was named" if named else ""))
-    return (f"A network that knows no physics, trained on the other flights ({found.flights} held out in turn, "
-            f"{found.windows} windows), says what equations of state and inputs could take away at least. After half "
-            f"a second: {'; '.join(parts)}.")
+    return (f"A network without physics shows how much of the error functions of state and inputs can remove at least. "
+            f"It was trained on the other flights ({found.flights} held out in turn, {found.windows} windows). After "
+            f"half a second: {'; '.join(parts)}.")

@@ -67,7 +67,7 @@ def test_counts_of_the_sheet_are_not_used_for_a_file_that_was_cut(tmp_path):
     flight = load(tmp_path).flights[0]
     assert flight["imu"].samples <= 25
     assert [f.evidence for f in flight.provenance.findings if f.kind == "truncated"] == [
-        "the last row stands 0.16 s or more before the end the sheet names, and 25 rows where it counts 60"
+        "the last row is 0.16 s or more before the end that the sheet states, and there are 25 of its 60 rows"
     ]
 
 

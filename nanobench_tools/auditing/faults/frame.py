@@ -101,8 +101,8 @@ def _lone(context: Context) -> list[Fault]:
     seen = f"gravity lies along {'-' * bool(found.sign < 0)}{IMU[1][found.axis]}"
     names = [name_of(t, False) for t in found.turns if not (down and np.array_equal(t, turn))]
     if down:
-        text = (f"z of the imu points down, most likely in {_meaning('FRD')}: {how(turn, vectors)}{SINCE}{seen}; is x "
-                f"back or to the side ({', '.join(names)}), or acc_z alone negated? no other stream shows it")
+        text = (f"z of the imu points down, most likely in {_meaning('FRD')}: {how(turn, vectors)}{SINCE}{seen}. Is x "
+                f"back or to the side ({', '.join(names)}), or acc_z alone negated? No other stream shows it")
     else:
         text = (f"{'xyz'[found.axis]} of the imu points {'up' if found.sign > 0 else 'down'}: is it in "
                 f"{', '.join(names[:-1])} or {names[-1]} axes? {seen}, and no other stream shows which axis is forward")

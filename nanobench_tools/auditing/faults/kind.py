@@ -97,8 +97,8 @@ class FaultKind:
         if self.cuts and self.corrected:
             raise ValueError(f"fault kind {self.name}: rows are cut or corrected, not both")
         if not self.doc.startswith(self.name) or not self.sentence or not self.smallest:
-            raise ValueError(f"fault kind {self.name}: its text has to begin with '{self.name}: what it is.' and to "
-                             "say 'Smallest found: size.'")
+            raise ValueError(f"fault kind {self.name}: its text must begin with '{self.name}: sentence.' and "
+                             "contain 'Smallest found: size.'")
 
     @property
     def sentence(self) -> str:

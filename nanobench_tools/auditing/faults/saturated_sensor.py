@@ -49,8 +49,8 @@ def find(flight: Flight, context: Context) -> list[Fault]:
             at = stream.time_s[rows[stream.values[rows, k] == limit]]
             faults.append(
                 Fault(KIND, "imu", (column,), float(at[0]), float(at[-1]), float(here), "rows",
-                      f"{column} stands at its extreme {limit:.4g} {stream.unit[k]} in {here} rows, its neighbouring "
-                      f"values in at most {beside.max()}",
+                      f"{column} has its extreme value {limit:.4g} {stream.unit[k]} in {here} rows, and each "
+                      f"neighbouring value in at most {beside.max()}",
                       float(fewest))
             )
     return faults

@@ -44,8 +44,8 @@ def check_ours(module: str) -> None:
     found = importlib.util.find_spec(top) if top in OURS else None
     if found is not None and not _is_ours(found, top):
         place = found.origin or next(iter(found.submodule_search_locations or ()), "another")
-        raise UsageError(f"{module}: package {top!r} is {place} in this process and not nanobench's; the command "
-                         "nanobench keeps the two apart, a script of your own has to rename its package")
+        raise UsageError(f"{module}: package {top!r} is {place} in this process and not nanobench's; rename your "
+                         "package, or use the command nanobench, which keeps the two apart")
 
 
 def load_module(name: str) -> ModuleType:
