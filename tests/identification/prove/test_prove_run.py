@@ -88,7 +88,7 @@ def test_truths_that_are_not_the_sealed_ones_are_refused(tmp_path):
     sealed = proof.seal_cases(proof.plan(3, 0), runner(tmp_path), tmp_path)
     verdicts = proof.diagnose_cases(sealed, runner(tmp_path), silent)
     changed = {**verdicts, "case_001": replace(verdicts["case_001"], truth="0" * 64)}
-    with pytest.raises(InputError, match="not the case that was sealed"):
+    with pytest.raises(InputError, match="is not the sealed one"):
         proof.open_and_score(sealed, changed, tmp_path)
     path = tmp_path / proof.SEALED
     path.write_text(path.read_text().replace(sealed.sha256, "1" * 64))
