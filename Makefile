@@ -37,7 +37,7 @@ $(VENV)/.installed: setup.cfg pyproject.toml constraints.txt | $(BIN)/python
 # evo is the referee of the metrics, allantools of the Allan deviation; their further dependencies are not needed.
 $(VENV)/.installed-test: setup.cfg pyproject.toml constraints.txt | $(BIN)/python
 	@$(FORMER)
-	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt -e ".[report,identification,smoothers,mpc,rotorpy,cluster,control,tune,ulog,rosbag,hdf5,radio,viewer,learned,test]"
+	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt -e ".[report,identification,smoothers,mpc,rotorpy,cluster,control,tune,ulog,rosbag,hdf5,excel,radio,viewer,learned,test]"
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -c constraints.txt evo allantools
 	@touch $@ $(VENV)/.installed
 

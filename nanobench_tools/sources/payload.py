@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from ..errors import InputError
+from .workbook import is_workbook, table_of
 
 HEAD_BYTES = 8192
 """Enough for the header of every format; only this much is unpacked to recognise a file."""
@@ -126,9 +127,20 @@ def unpack(stored: bytes, place: str = "archive") -> Payload:
     """
     decoder = next((d for magic, d in _DECODERS.items() if stored.startswith(magic)), None)
     payload = Payload(stored) if decoder is None else _unpack_members(stored, decoder, place)
+    if stored.startswith(ZIP_MAGIC) and is_workbook(stored):
+        return Payload(_sheet(stored, place))
     if stored.startswith(ZIP_MAGIC) and (name := only_member(io.BytesIO(stored))):
         payload = Payload(unzipped(io.BytesIO(stored), [name], place)[name])
     return replace(payload, data=_as_utf_8(payload.data))
+
+
+def _sheet(stored: bytes, place: str) -> bytes:
+    """The sheet of a workbook as CSV."""
+    with zipfile.ZipFile(io.BytesIO(stored)) as archive:
+        size = sum(info.file_size for info in archive.infolist())
+    if size > _most(len(stored)):
+        raise too_large(place, size, _most(len(stored)))
+    return table_of(stored, place)
 
 
 def _as_utf_8(data: bytes) -> bytes:
@@ -178,9 +190,13 @@ def head(path: Path) -> bytes:
     try:
         if decoder is not None:
             stored = decoder().decompress(read_file(path) if decoder is bz2.BZ2Decompressor else stored, HEAD_BYTES)
+        elif stored.startswith(ZIP_MAGIC) and is_workbook(whole := read_file(path)):
+            return _sheet(whole, str(path))[:HEAD_BYTES]
         elif stored.startswith(ZIP_MAGIC) and (name := only_member(path)):
             with zipfile.ZipFile(path) as archive, archive.open(name) as file:
                 stored = file.read(HEAD_BYTES)
+    except InputError:  # of a workbook, which ``unpack`` reports
+        return stored
     except UNREADABLE:
         return b""
     return _as_utf_8(stored)

@@ -87,7 +87,7 @@ def test_files_of_other_programs_are_named(tmp_path):
     with zipfile.ZipFile(open_document, "w") as archive:
         archive.writestr("mimetype", "application/vnd.oasis.opendocument.spreadsheet")
         archive.writestr("content.xml", "<content/>")
-    for data, what in ((workbook.getvalue(), "a workbook: save its sheet as CSV"),
+    for data, what in ((workbook.getvalue(), "save its sheet as CSV"),
                        (open_document.getvalue(), "a workbook: save its sheet as CSV"),
                        (b"MATLAB 5.0 MAT-file, Platform: GLNXA64" + bytes(90), "a file of MATLAB")):
         assert what in load(tmp_path, data).failed[0]["error"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 
 import numpy as np
 import pyarrow as pa
@@ -10,6 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from nanobench_tools import InputError
+from nanobench_tools.signals.column_draft import draft_columns
 from nanobench_tools.sources import load_recordings
 from nanobench_tools.sources.column_map import read_column_map
 
@@ -171,3 +173,42 @@ def test_damaged_parquet(tmp_path, column_map):
     (tmp_path / "a").write_bytes(b"PAR1" + bytes(range(200)))
     (failure,) = load_recordings([tmp_path], columns=column_map, cache=False).failed
     assert "cannot be read as Parquet" in failure["error"]
+
+
+WORKBOOK_ROWS = [["time [s]", "x [mm]", "y [mm]", "z [mm]", "vbat [V]"],
+                 *([0.01 * k, 100.0 + k, -50.0 + 0.5 * k, 1000.0 + k % 7, 4.1 - 0.001 * k] for k in range(200))]
+
+
+def workbook(path, **sheets):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.remove(book.active)
+    for title, rows in sheets.items():
+        sheet = book.create_sheet(title)
+        for row in rows:
+            sheet.append(row)
+    book.save(path)
+    return path
+
+
+def test_a_workbook_of_one_sheet_is_a_table(tmp_path):
+    path = workbook(tmp_path / "flight.xlsx", flight=WORKBOOK_ROWS, empty=[])
+    (tmp_path / "map.toml").write_text(draft_columns(path).text)
+    (flight,) = load_recordings([path], columns=tmp_path / "map.toml", cache=False).flights
+    rows = np.array(WORKBOOK_ROWS[1:])
+    np.testing.assert_allclose(flight["mocap"].time_s, rows[:, 0], atol=1e-12)
+    np.testing.assert_allclose(flight["mocap"].values, rows[:, 1:4] / 1000.0, atol=1e-12)
+    np.testing.assert_allclose(flight["battery"]["vbat"], rows[:, 4], atol=1e-12)
+
+
+def test_a_workbook_of_two_sheets_is_refused_and_lists_them(tmp_path):
+    path = workbook(tmp_path / "flights.xlsx", first=WORKBOOK_ROWS, second=WORKBOOK_ROWS)
+    with pytest.raises(InputError, match=r"2 sheets that have cells \(first, second\); save the sheet"):
+        draft_columns(path)
+
+
+def test_without_openpyxl_the_error_gives_the_command_that_installs_it(tmp_path, monkeypatch):
+    path = workbook(tmp_path / "flight.xlsx", flight=WORKBOOK_ROWS)
+    monkeypatch.setitem(sys.modules, "openpyxl", None)
+    with pytest.raises(InputError, match=r"read through openpyxl; .*pip install"):
+        draft_columns(path)
