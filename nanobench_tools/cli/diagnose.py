@@ -227,16 +227,19 @@ def _write_page(options: Options, verdict: Verdict, recordings: Recordings) -> N
 def verdict_screen(options: Options, body: Mapping[str, Any]) -> list[Grid | str]:
     """The outcome, what the simulator is good for, what was found with its interval, predictions of flights left out;
     without a finding the paragraph."""
-    from identification.mismatch.headline import one_of, uses
+    from identification.mismatch.headline import in_words, one_of, uses
 
     word, found = data_word(options), body.get("improvement") or {}
+    paragraph = body["paragraph"]
+    for term in body.get("leaning") or ():
+        paragraph = paragraph.replace(f"{term} (", f"{in_words(term)} (")
     rows = [(f"{entry['term']} {name.partition('.')[2]}", f"{p['believed']:.4g}", f"{p['value']:.4g}",
              f"{p['ci95'][0]:.4g} .. {p['ci95'][1]:.4g}", p["unit"], f"{entry['confidence']:.2f}")
             for entry in body["findings"] for name, p in entry["parameters"].items()]
     steps = [(f"{0.01 * int(h):.2f} s", *(_step(before, found[h]["after"][q])
                                           for q, before in found[h]["before"].items()))
              for h in ("1", "10", "50") if h in found]
-    return [f"{word} data, {body['outcome'].upper().replace('_', ' ')}. "
+    return [f"{word} data, {_outcome(body)}. "
             + (uses(body["good_for"]) if body.get("good_for") else ""),
             Grid.plain("What the simulator leaves out", ("term", "simulator", "flights", "95 %", "unit", "sure"), rows),
             "; ".join(f"{one_of(f)}: these flights cannot distinguish them" for f in body["findings"]
@@ -244,7 +247,12 @@ def verdict_screen(options: Options, body: Mapping[str, Any]) -> list[Grid | str
             Grid.plain(f"Prediction of {len(left)} flights left out" if (left := found.get("held_out")) else
                        "Prediction of the same flights, none left out",
                        ("after", "position m", "velocity m/s", "attitude rad", "rate rad/s"), steps),
-            "" if rows else shortened(body["paragraph"])]
+            "" if rows else shortened(paragraph)]
+
+
+def _outcome(body: Mapping[str, Any]) -> str:
+    """The outcome in capitals."""
+    return "NOTHING IDENTIFIED" if body["outcome"] == "none" else str(body["outcome"]).upper().replace("_", " ")
 
 
 def _show(options: Options, body: Mapping[str, Any], verdict: Verdict) -> None:
@@ -254,7 +262,7 @@ def _show(options: Options, body: Mapping[str, Any], verdict: Verdict) -> None:
     from identification.mismatch.headline import RULES, headline, uses
 
     word = data_word(options)
-    options.detail(f"\n{word} data, {body['outcome'].upper().replace('_', ' ')}. {headline(body)}")
+    options.detail(f"\n{word} data, {_outcome(body)}. {headline(body)}")
     if body.get("good_for"):
         options.detail(uses(body["good_for"]))
         if body.get("good_for_corrected"):

@@ -94,8 +94,8 @@ def sysid_screen(sysid: Mapping[str, Any], synthetic: bool) -> list[Table | str]
         if theirs := row.get("published"):
             lines.append(("  published", "", *(f"{theirs[m]['50']:.4f}" for m in heads), ""))
     title = (f"Task 1, {data_label(synthetic)} data: mean error after half a second, "
-             f"{(n := len(sysid['test']))} test flight{'s' * (n != 1)}; 95 % of the position")
-    return [Table.plain(title, ("model", "given", *heads.values(), "95 %"), lines, short_note(rows)),
+             f"{(n := len(sysid['test']))} test flight{'s' * (n != 1)}")
+    return [Table.plain(title, ("model", "given", *heads.values(), "95 % of position"), lines, short_note(rows)),
             f"Split: {sysid['split']}."]
 
 
