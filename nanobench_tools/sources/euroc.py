@@ -1,7 +1,7 @@
 """EuRoC MAV and other data sets in its ASL layout (TUM-VI): folders, zip archives and single data.csv files.
 
-``mav0/imu0`` becomes the stream ``imu``. The best truth becomes ``mocap``: ``state_groundtruth_estimate0``, else
-``vicon0`` or ``mocap0`` (poses), else ``leica0`` (positions). Biases of the truth become ``extra_imu_bias``. Further
+``mav0/imu0`` becomes the stream ``imu``. ``mocap`` is ``state_groundtruth_estimate0``. Without it, ``vicon0`` or
+``mocap0`` (poses) are taken, or else ``leica0`` (positions). Biases of the truth become ``extra_imu_bias``. Further
 sensors become ``extra_NAME``. ``sensor.yaml`` has the axes of each sensor in the body. The body of EuRoC has x up and z
 forward. The reader turns it into forward, left, up from the data, and notes the rotation.
 """

@@ -63,7 +63,7 @@ STREAMS: dict[str, tuple[Column, ...]] = {
 
 MARKS = frozenset(c.name for c in COLUMNS if c.stream not in ("mocap", "imu") or c.name.endswith("_vicon"))
 """Names that no other format has: log groups of the vehicle behind a prefix, and names with ``vicon``. Other files may
-use the remaining names in other units and for other sources: ``t``, ``qx``, ``vx``, ``imu_acc_x``."""
+use the remaining names in other units and for other sources (``imu_acc_x``)."""
 
 PLAIN_POSE = tuple(c.name for c in COLUMNS if c.stream == "mocap" and c.name not in MARKS)
 POSITION = ("px", "py", "pz")
