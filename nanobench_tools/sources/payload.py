@@ -127,7 +127,7 @@ def unpack(stored: bytes, place: str = "archive") -> Payload:
     """
     decoder = next((d for magic, d in _DECODERS.items() if stored.startswith(magic)), None)
     payload = Payload(stored) if decoder is None else _unpack_members(stored, decoder, place)
-    if stored.startswith(ZIP_MAGIC) and is_workbook(stored):
+    if stored.startswith(ZIP_MAGIC) and is_workbook(io.BytesIO(stored)):
         return Payload(_sheet(stored, place))
     if stored.startswith(ZIP_MAGIC) and (name := only_member(io.BytesIO(stored))):
         payload = Payload(unzipped(io.BytesIO(stored), [name], place)[name])
@@ -190,8 +190,8 @@ def head(path: Path) -> bytes:
     try:
         if decoder is not None:
             stored = decoder().decompress(read_file(path) if decoder is bz2.BZ2Decompressor else stored, HEAD_BYTES)
-        elif stored.startswith(ZIP_MAGIC) and is_workbook(whole := read_file(path)):
-            return _sheet(whole, str(path))[:HEAD_BYTES]
+        elif stored.startswith(ZIP_MAGIC) and is_workbook(path):
+            return _sheet(read_file(path), str(path))[:HEAD_BYTES]
         elif stored.startswith(ZIP_MAGIC) and (name := only_member(path)):
             with zipfile.ZipFile(path) as archive, archive.open(name) as file:
                 stored = file.read(HEAD_BYTES)

@@ -6,7 +6,8 @@ import csv
 import datetime
 import io
 import zipfile
-from typing import Any
+from pathlib import Path
+from typing import Any, BinaryIO
 
 from ..errors import InputError, how_to_install
 
@@ -14,10 +15,10 @@ PART = "xl/workbook.xml"
 EXTRA = "excel"
 
 
-def is_workbook(stored: bytes) -> bool:
-    """Whether these are the bytes of a workbook; False for other archives and damaged ones."""
+def is_workbook(file: Path | BinaryIO) -> bool:
+    """Whether a file is a workbook, of which only the list of parts is read; False for other and damaged archives."""
     try:
-        with zipfile.ZipFile(io.BytesIO(stored)) as archive:
+        with zipfile.ZipFile(file) as archive:
             return PART in archive.namelist()
     except (zipfile.BadZipFile, OSError, ValueError):
         return False
