@@ -31,6 +31,7 @@ SI_FACTOR: dict[str, float] = {
     "g": GRAVITY_M_S2, "mg": 1e-3 * GRAVITY_M_S2,
     "deg": math.pi / 180.0, "deg/s": math.pi / 180.0, "mdeg/s": math.pi / 180e3, "mrad/s": 1e-3, "mrad": 1e-3,
     "mV": 1e-3, "mA": 1e-3, "gram": 1e-3, "gram_force": 1e-3 * GRAVITY_M_S2, "kgf": GRAVITY_M_S2, "lbf": POUND_FORCE_N,
+    "mN": 1e-3,
     "%": 1e-2, "pulse_us": 1e-3,
     "pwm16": 1.0 / PWM_FULL_SCALE, "rpm": 2.0 * math.pi / 60.0,
     "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0,

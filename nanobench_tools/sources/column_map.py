@@ -35,7 +35,7 @@ UNITS: dict[str, tuple[str, ...]] = {
     "rad/s": ("rad/s", "deg/s", "mrad/s", "mdeg/s", "rpm"),
     "m/s^2": ("m/s^2", "g", "mg", "mm/s^2"),
     "V": ("V", "mV"),
-    "N": ("N", "gram_force", "kgf", "lbf"),
+    "N": ("N", "mN", "gram_force", "kgf", "lbf"),
     "A": ("A", "mA"),
     "s": ("s", "ms", "us", "ns", "min", "h"),
 }

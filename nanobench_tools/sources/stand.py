@@ -39,7 +39,7 @@ _ALLOWED = {
     "motor": ("pwm16", "1", "%", "pulse_us"),
     "rpm": ("rpm", "rad/s"),
     "vbat": ("V", "mV"),
-    "thrust": ("gram_force", "kgf", "N", "lbf"),
+    "thrust": ("gram_force", "kgf", "N", "mN", "lbf"),
     "current": ("A", "mA"),
 }
 FULL_SHARE, FULL_PERCENT = 1.0, 100.0

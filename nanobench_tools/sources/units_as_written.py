@@ -33,6 +33,7 @@ WRITTEN: dict[str, tuple[str, ...]] = {
     "A": ("a", "amp", "amps", "ampere"),
     "mA": ("ma", "milliamp"),
     "N": ("n", "newton", "newtons"),
+    "mN": ("mn", "millinewton", "millinewtons"),
     "gram_force": ("gf", "gram_force", "gramforce", "grams", "gram", "gr", "gram-force"),
     "kgf": ("kgf", "kg", "kg_force", "kilogram_force", "kilograms", "kg-force"),
     "lbf": ("lbf", "lb", "lbs", "pound-force"),

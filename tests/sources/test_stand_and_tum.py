@@ -70,7 +70,8 @@ def test_a_pwm_in_the_length_of_pulses_is_one(tmp_path, names):
     np.testing.assert_allclose(flight["rpm"]["m1"], 20000 * flight["motor"]["m1"] * np.pi / 30, rtol=1e-6)
 
 
-@pytest.mark.parametrize(("unit", "newton"), [("N", 1.0), ("g", 9.80665e-3), ("kgf", 9.80665), ("-", 9.80665e-3)])
+@pytest.mark.parametrize(("unit", "newton"), [("N", 1.0), ("mN", 1e-3), ("g", 9.80665e-3), ("kgf", 9.80665),
+                                                ("-", 9.80665e-3)])
 def test_a_row_of_units_counts_where_the_names_state_none(tmp_path, unit, newton):
     """``weight`` alone is in grams, and a voltage in volts."""
     rows = "".join(f"{u},{u * u / newton / 120000:.9f},{3900 - u}\n" for u in range(0, 101, 5))
@@ -259,3 +260,14 @@ def test_one_throttle_turns_all_motors_with_a_speed(tmp_path):
     flight, = stand(tmp_path, **speeds).flights
     assert flight["motor"].quantities == ("m1", "m2", "m3", "m4")
     assert "commands 4 motors" in flight.metadata["read_as"][0]
+
+
+def test_a_stand_with_german_names(tmp_path):
+    rows = "".join(f"{u};{u * u / 2000:.4f};{4.1 - u / 1000:.3f};{200 * u}\n".replace(".", ",")
+                   for u in range(0, 101, 5))
+    (tmp_path / "a.csv").write_text(f"Drossel (%);Schub (N);Spannung (V);Drehzahl (1/min)\n{rows}")
+    flight, = load(tmp_path).flights
+    command = 100 * flight["motor"]["m1"]
+    np.testing.assert_allclose(flight["stand"]["thrust"], command**2 / 2000, atol=1e-4)
+    np.testing.assert_allclose(flight["battery"]["vbat"], 4.1 - command / 1000, atol=1e-9)
+    np.testing.assert_allclose(flight["rpm"]["m1"], 200 * command * np.pi / 30, rtol=1e-9)
