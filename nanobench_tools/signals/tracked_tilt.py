@@ -24,6 +24,8 @@ from .quaternion_reading import CLEARLY, FITS
 from .usable_rows import advancing, usable_streams
 
 HEADINGS = np.radians(np.arange(0.0, 360.0, 15.0))
+MIRRORED = ((1.0, -1.0, 1.0), (1.0, -1.0, -1.0))
+"""Signs of roll, pitch and yaw: one of the two that tilt, alone or with the yaw (a compass)."""
 AS_GOOD = 0.02
 """Of two readings that follow within this, the one with fewer changes is taken: a yaw that stays shows no sign."""
 
@@ -45,14 +47,14 @@ def tracked_tilt(context: Context) -> TiltReading | None:
     if found is None:
         return None
     time_s, path, angles = found
-    follows = {}
-    for signs in product((1.0, -1.0), repeat=3):
-        follows[signs] = _follows(time_s, path, angles * signs)
+    follows = {signs: _follows(time_s, path, angles * signs) for signs in product((1.0, -1.0), repeat=3)}
+    if max(follows.values()) < FITS:  # as a mirror image in a world of another heading, a roll looks like a pitch
+        follows = {signs: _at_any_heading(time_s, path, angles * signs) for signs in MIRRORED}
     most = max(follows.values())
     best = max((s for s in follows if follows[s] > most - AS_GOOD), key=sum)
     if most < FITS or sum(best) == 3.0:
         return None
-    stored = max(_follows(time_s, path, angles + np.array([0.0, 0.0, heading])) for heading in HEADINGS)
+    stored = _at_any_heading(time_s, path, angles)
     if most < stored + CLEARLY:
         return None
     own = context.once(own_turning)
@@ -88,6 +90,10 @@ def _tracked(context: Context) -> tuple[np.ndarray, np.ndarray, np.ndarray] | No
     t = poses.time_s
     use = np.isfinite(poses[POSITION]).all(axis=1) & advancing(t) & (t >= at[0]) & (t <= end)
     return t[use], poses[POSITION][use], np.stack([np.interp(t[use], at, a) for a in angles.T], axis=1)
+
+
+def _at_any_heading(time_s: np.ndarray, path: np.ndarray, angles: np.ndarray) -> float:
+    return max(_follows(time_s, path, angles + np.array([0.0, 0.0, heading])) for heading in HEADINGS)
 
 
 def _follows(time_s: np.ndarray, path: np.ndarray, angles: np.ndarray) -> float:

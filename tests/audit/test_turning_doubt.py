@@ -150,3 +150,12 @@ def test_positions_show_an_angle_that_is_negated_with_the_gyro_and_without(posit
 
 def test_positions_show_a_negated_gyro(positions):
     assert _found(_changed(positions, "imu", "gyro_y"))[0] == {("imu", ("gyro_y",))}
+
+
+def test_positions_show_a_negated_pitch_in_a_world_of_another_heading(positions):
+    """As of a compass: headings from north, and a pitch that is positive nose up."""
+    path = positions["mocap"]
+    turned = Rotation.from_euler("z", 70.0, degrees=True).apply(path.values)
+    wrong = _changed(_changed(positions, "attitude", "pitch"), "imu", "gyro_y")
+    found, _ = _found(wrong.with_streams(mocap=replace(path, values=turned)))
+    assert found == {("attitude", ("pitch",)), ("imu", ("gyro_y",))}
