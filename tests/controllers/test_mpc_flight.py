@@ -142,14 +142,14 @@ def test_commands_leave_no_memory_behind(name):
     tracemalloc.start(DEEP)
     try:
         marks = []
-        for k in range(20, 120, 20):
-            go(k, 20)
+        for k in range(20, 320, 60):
+            go(k, 60)
             gc.collect()
             marks.append(tracemalloc.take_snapshot().filter_traces(below))
         # Free lists of Python and of the solvers' interfaces grow a little anywhere; a leak grows in one line, always
         gained = [{line.traceback: line.size_diff for line in b.compare_to(a, "lineno")} for a, b in pairwise(marks)]
         always = {line: min(g.get(line, 0) for g in gained) for line in gained[-1]}
-        assert max(always.values()) < 400, max(always, key=always.get)  # 20 bytes a command: less than any object
+        assert max(always.values()) < 1200, max(always, key=always.get)  # 20 bytes a command: less than any object
     finally:
         tracemalloc.stop()
 
