@@ -64,7 +64,7 @@ class Case:
 
     @property
     def tracked_sd_m(self) -> np.ndarray:
-        """(3,) m: its standard deviation."""
+        """(3,) m: its standard deviation by noise alone; groups of flights of one vehicle differ by a millimetre."""
         return np.asarray(self._tracked_unit_m * self.evidence.sds(self._swung))
 
     @property

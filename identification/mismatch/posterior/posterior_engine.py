@@ -215,7 +215,7 @@ def _paragraph(body: dict[str, Any], recordings: Recordings, improvement: Improv
                      "m/s^2 RMS.")
     x, y, z = (f"{1e3 * side:.1f} +- {1e3 * sd:.1f}" for side, sd in zip(
         body["tracked_point_m"], body["tracked_point_sd_m"], strict=True))
-    parts.append(f"The tracked point lies {x}, {y} and {z} mm (x, y, z) from the centre of mass.")
+    parts.append(f"The tracked point lies {x}, {y} and {z} mm (x, y, z; noise alone) from the centre of mass.")
     return " ".join([*parts, *improved(body, improvement.held_out, len(improvement.flights))])
 
 
