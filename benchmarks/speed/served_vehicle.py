@@ -192,10 +192,10 @@ def many(vehicles: int, seconds: float) -> None:
     total, late = sum(t for t, _ in turns), sum(n for _, n in turns)
     rate = sum(p.logged for p in pilots) / seconds / vehicles / len(BLOCKS)
     poses = sum(p.poses for p in pilots) / seconds / vehicles
-    print(f"{vehicles} vehicles in one process on {os.cpu_count()} cores, {seconds:.0f} s in real time: {late} of "
-          f"{total} turns late ({100.0 * late / max(total, 1):.2f} %), {rate:.1f} Hz a block, {poses:.1f} poses/s "
-          f"each, stood still for {stood:.1f} s in all, {used:.1f} s of processor time with starting; load of the "
-          f"machine {os.getloadavg()[0]:.1f}")
+    print(f"{vehicles} vehicles in one process on {os.cpu_count()} cores, {seconds:.0f} s in real time. "
+          f"{late} of {total} turns late ({100.0 * late / max(total, 1):.2f} %), {stood:.1f} s stood still in all. "
+          f"Each: {rate:.1f} Hz a block, {poses:.1f} poses/s. Processor time {used:.1f} s with starting; load "
+          f"{os.getloadavg()[0]:.1f}")
 
 
 def main() -> None:

@@ -172,10 +172,10 @@ def main(argv: list[str] | None = None) -> int:
     print(f"\nSYNTHETIC, {options.cases} cases, seed {options.seed}, pysindy {pysindy.__version__}, "
           f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}; exact 95 % intervals")
     for row in rows:
-        print(f"{row['method']:29} right {said(row['right'])}, false names in {said(row['false_names'])}, effects "
-              f"named {said(row['effects_named'])}, something named where no term is at work "
-              f"{said(row['named_where_nothing_is'])}, {row['names_per_case']:.1f} names a case, "
-              f"{row['median_s']:.1f} s a case (median)")
+        print(f"{row['method']:29} right {said(row['right'])}; cases with false effects {said(row['false_names'])}; "
+              f"effects identified {said(row['effects_named'])}, in cases without one "
+              f"{said(row['named_where_nothing_is'])}; a case: {row['names_per_case']:.1f} effects, "
+              f"{row['median_s']:.1f} s (median)")
     if options.json:
         write_json(options.json, {"synthetic": True, "rows": rows, "cases": scored})
     return 0

@@ -52,7 +52,7 @@ PLANNER, LOG, ECHO = kind(Port.HIGH_LEVEL), kind(Port.LOG), kind(Port.LINK)
 class Fault:
     """One fault.
 
-    - ``up``, ``down``: a ``share`` of these packets is lost for ``lasts_s``, or ``late_s`` late.
+    - ``up``, ``down``: packets of this kind. A ``share`` of them is lost, or ``late_s`` late, for ``lasts_s``.
     - ``pose``: (pose, earlier poses, s since the start) -> pose or None. ``pilot``: (packet, s since) -> packet.
     - ``step``: called every millisecond with the world and s since. ``world``: settings of the vehicle.
     """

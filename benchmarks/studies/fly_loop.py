@@ -110,8 +110,8 @@ def loop(minutes: float) -> None:
     if not late:
         return
     begin, send = 1e3 * np.array(late), 1e3 * np.abs(sent)
-    print(f"loop with mpc_daqp, real time: {ticks} ticks, {missed} deadlines missed; begin late p50 "
-          f"{np.percentile(begin, 50):.2f} p99 {np.percentile(begin, 99):.2f} max {begin.max():.2f} ms; set-point p50 "
+    print(f"loop with mpc_daqp, real time: {ticks} ticks, {missed} deadlines missed. Start late by p50 "
+          f"{np.percentile(begin, 50):.2f} p99 {np.percentile(begin, 99):.2f} max {begin.max():.2f} ms. Set-point p50 "
           f"{np.percentile(send, 50):.2f} p99 {np.percentile(send, 99):.2f} ms about its median")
 
 

@@ -142,7 +142,7 @@ def decide(recordings: Recordings, moments: Moments, space: Space, named: Named)
     small = {f.hypothesis.term: why for f in findings if f.hypothesis.term not in (*TOGETHER, *idle)
              if (why := feigned(f.hypothesis.term, final, space.model, moments))}
     if idle or small:  # both may result from the rejected effects
-        withdrawn += [(term, "what is believed lies within its interval") for term in idle] + list(small.items())
+        withdrawn += [(term, "its interval includes the simulator's value") for term in idle] + list(small.items())
         idle += list(small)
         here, kept, final = _drop(known, here, space, kept, final, idle)
         findings = [_finding(moments, known, named, h, alike[h.term], final, nothing.loss, space) for h in kept]
@@ -224,7 +224,7 @@ def _still(known: Slopes, here: Space, home: Space, kept: list[Hypothesis],
         least, k, less = min(tried, key=lambda entry: entry[0])
         if least >= LEAST_GAIN:
             break
-        gone.append((kept[k].term, "it explains too little without what was withdrawn"))
+        gone.append((kept[k].term, "it explains too little without the rejected effects"))
         here = here if kept[k].term in home.terms else home
         kept, final = [h for i, h in enumerate(kept) if i != k], less
     return kept, final, gone

@@ -185,9 +185,9 @@ def _unlike(recordings: Recordings, given: Equivalent) -> Verdict:
     force = wrench.measured[0] - wrench.model(given.model)[0] - given.gap[0]
     size = float(np.sqrt(np.mean(np.sum(force**2, axis=1))))
     worst = CHANNELS[int(np.argmax(given.by_channel))]
-    hint = f"the simulator's {worst} is like no model of terms"
-    text = (f"Unknown: the force it gives differs from these flights by {size:.2f} m/s^2 RMS, noise included, and "
-            "which effect that is cannot be asked.")
+    hint = f"no model of terms reproduces the simulator's {worst}"
+    text = (f"Unknown: the simulator's force differs from these flights by {size:.2f} m/s^2 RMS, noise included. Which "
+            "effect that is cannot be checked.")
     return Verdict({"outcome": "unknown", "paragraph": text, "findings": [],
                     "unknown": {"where": {"axes": [worst], "kind": "simulator", "flights": list(recordings.names)},
                                 "bound_m_s2": 2.0 * size, "hint": hint},

@@ -14,9 +14,10 @@ GIVEN, CORRECTED = "simulator as given", "corrected"
 SHADES: tuple[Colour, ...] = ("orange", "blue")
 PARTS: tuple[Colour, ...] = ("blue", "green", "purple", "orange", "sky")
 FATES: dict[str, tuple[str, Colour]] = {
-    "named": ("named", "blue"), "equivalent": ("cannot be told from it", "sky"), "withdrawn": ("withdrawn", "red"),
+    "named": ("identified", "blue"), "equivalent": ("indistinguishable from it", "sky"),
+    "withdrawn": ("identified, then rejected", "red"),
     "leaning": ("not sure enough", "green"),
-    "rejected": ("rejected", "orange"), "explained": ("nothing left beside the named", "purple"),
+    "rejected": ("rejected", "orange"), "explained": ("explained by the identified effects", "purple"),
     "small": ("too little", "grey")}
 ALL_FLIGHTS = "all flights together"
 QUANTITIES = (("position", "m"), ("velocity", "m/s"), ("attitude", "rad"), ("rate", "rad/s"))
@@ -71,7 +72,7 @@ def whole(parts: Sequence[Mapping[str, Any]], n: str) -> Figure | None:
              for part, a, b, colour in zip(parts, starts.tolist(), ends.tolist(), colours, strict=True)]
     return Figure(f"What takes the residual away; {n}",
                   "The bar is the part of the residual that speed, attitude, height, place, time and other signals "
-                  "predict; each colour is what one effect takes away, grey is what stays, the palest part what chance "
+                  "predict. Each colour is what one effect explains. Grey remains. The palest part is what chance "
                   "predicts of a right simulator.",
                   [Panel(Axis("of what signals predict of the residual", "%", range=(0.0, 100.0)), Axis(rows=[" "]),
                          marks, height=110, wide=True)])
@@ -136,9 +137,9 @@ def share(drawn: Mapping[str, Any], n: str) -> Figure | None:
                       text=[f"{channels[j]}, {groups[i]}: {cells[i, j]:.2f} %" for j, i in at])]
         panels.append(Panel(Axis(rows=channels), Axis(rows=groups), marks, title, 80 + 32 * len(groups)))
     return Figure(f"Which signals the residual goes with; {n}",
-                  "Per cent of what signals predict of the residual, chance included: the larger a square, the more of "
-                  "it shows in this channel and goes with this kind of signal. After the correction they should be "
-                  "gone.", panels)
+                  "Per cent of what signals predict of the residual, chance included. The larger a square, the more of "
+                  "the residual is in this channel and goes with this kind of signal. After the correction the squares "
+                  "should be gone.", panels)
 
 
 def covariates(found: Sequence[Mapping[str, Any]], sides: Sequence[str]) -> Figure | None:
@@ -176,7 +177,7 @@ def _room(at: np.ndarray, mean: np.ndarray, told: np.ndarray, cell: float, longe
     said = [f"x {m[0]:.3f}, y {m[1]:.3f}, z {m[2]:.3f} m/s²" for m in mean]
     tip = at + ARROW * cell / longest * mean[:, :2]
     ways, heights = [], []
-    for name, keep, shade, width in (("told from zero", told[0], colour, 2.5), ("not", ~told[0], "grey", 1.2)):
+    for name, keep, shade, width in (("significant", told[0], colour, 2.5), ("not significant", ~told[0], "grey", 1.2)):
         line = np.stack([at, tip, np.full_like(at, np.nan)], axis=1)[keep].reshape(-1, 2)
         ways += [Mark(name, line[:, 0], line[:, 1], colour=shade, width=width),
                  Mark(name, at[keep, 0], at[keep, 1], "points", shade, size=5,
@@ -184,7 +185,7 @@ def _room(at: np.ndarray, mean: np.ndarray, told: np.ndarray, cell: float, longe
     size = 5.0 + 17.0 * np.sqrt(np.abs(mean[:, 2]) / tallest)
     for name, keep, shade, symbol in (("up", told[1] & (mean[:, 2] > 0), "blue", "triangle-up"),
                                       ("down", told[1] & (mean[:, 2] <= 0), "red", "triangle-down"),
-                                      ("not told from zero", ~told[1], "grey", "circle-open")):
+                                      ("not significant", ~told[1], "grey", "circle-open")):
         heights.append(Mark(name, at[keep, 0], at[keep, 1], "points", shade, symbol=symbol,
                             size=size[keep].tolist(), text=[s for s, k in zip(said, keep, strict=True) if k]))
     return Figure("The room from above: the force that is left",

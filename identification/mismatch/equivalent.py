@@ -76,12 +76,12 @@ class Equivalent:
         terms = ", ".join(t.name for t in self.model.terms)
         notes = "".join(f" {note}." for note in self.notes)
         if not self.alike:
-            return (f"{self.name} was evaluated along the measured states and inputs. Terms fitted to what it gives "
+            return (f"{self.name} was evaluated along the measured states and inputs. Terms fitted to its output "
                     f"({terms}) only {how}, worst in {CHANNELS[int(np.argmax(self.by_channel))]}; without parameters "
-                    f"that can be changed no effect can be named.{notes}")
-        return (f"{self.name} was evaluated along the measured states and inputs, and what it leaves is judged. It has "
-                f"no parameters to change: terms fitted to what it gives ({terms}) {how}; what is said of its values, "
-                f"and predictions, are of this equivalent simulator.{notes}")
+                    f"that can be changed no effect can be identified.{notes}")
+        return (f"{self.name} was evaluated along the measured states and inputs, and its residual is judged. It has "
+                f"no parameters to change, so terms were fitted to its output. They ({terms}) {how}. Values and "
+                f"predictions are those of this equivalent simulator.{notes}")
 
     def to_json(self) -> dict[str, Any]:
         return {"name": self.name, "sentence": self.sentence, "terms": [t.name for t in self.model.terms],
@@ -227,7 +227,7 @@ def _fitted(wrench: Wrench, target: tuple[np.ndarray, np.ndarray], start: Model,
     terms."""
     space = space_around(start, wrench.unasked)
     held = [t for t in (*(t.name for t in start.terms), "inertia") if t not in wrench.unasked]
-    say(f"what it believes, from {ROW_S * sum(len(t) for t in wrench.tracks):.0f} s")
+    say(f"terms that reproduce the simulator, from {ROW_S * sum(len(t) for t in wrench.tracks):.0f} s")
     scale = np.concatenate([np.full(target[0].size, TOLERANCE[0] * np.sqrt(target[0].size / 3.0)),
                             np.full(target[1].size, TOLERANCE[1] * np.sqrt(target[1].size / 3.0))])
     wanted = np.concatenate([part.ravel() for part in target])

@@ -88,8 +88,8 @@ def headline(body: Mapping[str, Any]) -> str:
                 f"term describes{error}.")
     return {"none": f"The simulator agrees with these flights as well as logging allows{error}.",
             "unknown": f"The simulator leaves out something that no term describes{error}.",
-            "data_fault": "The data are at fault; nothing is said about physics.",
-            }.get(body["outcome"], "Nothing can be said about physics.")
+            "data_fault": "The data are at fault; no conclusion about physics.",
+            }.get(body["outcome"], "No conclusion about physics.")
 
 
 def _became_worse(half: Mapping[str, Any]) -> str:

@@ -51,7 +51,7 @@ class Hypothesis:
 @dataclass(frozen=True)
 class Named:
     """Accepted hypotheses, each with its indistinguishable ones. fit: of all together. Loss before and after. rejected:
-    the reasons for the others. ``feigned``: rejected ones that the logging alone can produce."""
+    the reasons for the others. ``feigned``: rejected ones that errors of logging could cause."""
 
     accepted: tuple[Hypothesis, ...]
     alike: tuple[tuple[str, ...], ...]
@@ -203,7 +203,7 @@ class _Search:
             if not why and (why := feigned(h.term, h.fit, self.current.model, self.moments)):
                 feign.append(h.term)
             elif not why and feign and self._beside(h.term, feign) < h.gain * REDUNDANT:
-                why = f"{h.term} explains what {' and '.join(feign)} explains better, which the logging can feign"
+                why = f"better explained by {' and '.join(feign)}, which errors of logging could cause"
             if why:
                 self.rejected.setdefault(h.term, why)
             else:

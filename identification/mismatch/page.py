@@ -85,10 +85,11 @@ def tables(verdict: Verdict, body: Mapping[str, Any], drawn: Mapping[str, Any],
     """Every table by name, without empty ones."""
     found = {"findings": findings(body), "faults": faults(verdict, recordings), "spans": judged(recordings),
              "left_out": left_out(recordings), "rejected": reasons(
-                 [*(body.get("not_named") or []), *(body.get("not_asked") or [])], "Not named"),
-             "withdrawn": reasons(body.get("withdrawn") or [], "Withdrawn"), "parameters": parameters(body),
-             "by_flight": own_values(body), "levels": levels(body), "improvement": improvement(body),
-             "power": power(body), "discrepancy": discrepancy(body)}
+                 [*(body.get("not_named") or []), *(body.get("not_asked") or [])], "Not identified"),
+             "withdrawn": reasons(body.get("withdrawn") or [], "Identified, then rejected"),
+             "parameters": parameters(body), "by_flight": own_values(body),
+             "levels": levels(body), "improvement": improvement(body), "power": power(body),
+             "discrepancy": discrepancy(body)}
     if "rms" in drawn:
         found["rms"] = rms(drawn["rms"], bool(body["findings"]))
     return {name: table for name, table in found.items() if table.rows}
@@ -102,13 +103,13 @@ def findings(body: Mapping[str, Any]) -> Table:
              DASH if entry["residual_share"] is None else f"{100 * entry['residual_share']:.0f}",
              f"{', '.join(entry['where']['axes'])} ({entry['where']['frame']})",
              entry["where"]["covariate"] or DASH, _where(entry["where"]),
-             ", ".join(entry["equivalent"]) or "nothing else", entry["settle_with"] or DASH)
+             ", ".join(entry["equivalent"]) or "no other effect", entry["settle_with"] or DASH)
             for entry in body["findings"]]
     return Table("What the simulator leaves out",
                  (("Effect", "", False), ("What it is", "", False), ("From the flights (95 %)", "", False),
                   ("Confidence", "%", True), ("Share", "%", True), ("Shows in (frame)", "", False),
                   ("Goes with", "", False), ("Flights", "", False), ("Indistinguishable from", "", False),
-                  ("What would settle it", "", False)), rows)
+                  ("How to distinguish them", "", False)), rows)
 
 
 def _where(where: Mapping[str, Any]) -> str:
@@ -188,7 +189,7 @@ def levels(body: Mapping[str, Any]) -> Table:
     flights = next(iter(found.values()))["by_flight"] if found else {}
     rows = [(flight, *(f"{entry['by_flight'][flight]:+.3g}" for entry in found.values())) for flight in flights]
     rows += [("standard deviation", *(f"{entry['sd']:.3g}" for entry in found.values()))] if found else []
-    return Table("Levels of each flight", (("Flight", "", False),
+    return Table("Per-flight offsets", (("Flight", "", False),
                                            *((name, entry["unit"], True) for name, entry in found.items())), rows)
 
 
@@ -245,8 +246,8 @@ def _change(before: float | None, after: float | None, named: bool) -> str:
 
 def power(body: Mapping[str, Any]) -> Table:
     rows = [(term, (entry.get("parameter") or DASH).removeprefix(f"{term}."),
-             "cannot be asked" if entry["minimum_detectable"] is None else f"{entry['minimum_detectable']:.3g}",
+             "not detectable" if entry["minimum_detectable"] is None else f"{entry['minimum_detectable']:.3g}",
              entry["unit"]) for term, entry in sorted(body["power"].items())]
-    return Table("The smallest change that would have been named in these flights",
+    return Table("Smallest change that would have been identified in these flights",
                  (("Effect", "", False), ("Parameter", "", False), ("Least change", "", True),
                   ("Unit", "", False)), rows)

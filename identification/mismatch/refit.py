@@ -98,13 +98,13 @@ class Refitted:
 def refit(moments: Moments, decision: Decision, proof: Proof, seed: int = 0) -> Refitted | str:
     """Identified effects, refitted to predictions; or the reason against it."""
     if not decision.findings:
-        return "nothing was named, so nothing is refitted"
+        return "no effect was identified, so there is no refit"
     if decision.own:
-        return "flights differ in what was named: each has a value of its own, and nothing is refitted"
+        return "flights differ in the identified effect: each has a per-flight value, so there is no refit"
     if not proof.held_out:
         return "one flight alone cannot judge a refit"
     if moments.wrench.unasked:
-        return "turning is not predicted, and nothing is refitted"
+        return "turning is not predicted, so there is no refit"
     return _Refit(moments, decision).result(proof, seed)
 
 

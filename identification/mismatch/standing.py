@@ -66,9 +66,9 @@ def hollow(moments: Moments, known: Slopes, named: Named, h: Hypothesis, after: 
         return f"{h.term} is the same everywhere, and there is {uneven[0].hint}"
     beside = [s for s in there if s.kind != "motion" and s.rms_m_s2 > FOREIGN * acts]
     if beside and not h.own:
-        return f"{h.term} is there beside {beside[0].hint}"
+        return f"{h.term} would explain a part only: there is {beside[0].hint}, too"
     strange = [s for s in there if s.gain > UNEXPLAINED * float(taken.sum())]
-    return f"{h.term} is there beside {strange[0].hint}, which is as large" if strange else ""
+    return f"{h.term} would explain a part only: {strange[0].hint} is as large" if strange else ""
 
 
 def _upright(model: Model) -> bool:
@@ -85,7 +85,7 @@ def _vain(moments: Moments, known: Slopes, named: Named, h: Hypothesis, home: Sp
     left, mine = float(after[here].sum()), float(taken[here].sum())
     if left <= max(LEAST_LEFT, (UNEXPLAINED if turns else PREVAILS) * mine):
         return ""
-    return f"{h.term} explains {mine:.0f} and leaves {left:.0f} where it acts, without what was withdrawn"
+    return f"{h.term} explains {mine:.0f} and leaves {left:.0f} where it acts, without the rejected effects"
 
 
 def in_vain(moments: Moments, known: Slopes, named: Named, home: Space) -> list[tuple[str, str]]:
@@ -132,7 +132,7 @@ def overshadowed(moments: Moments, known: Slopes, named: Named, home: Space) -> 
         mine = {axis for axis, v in along.items() if v > ALONG * size} if size > LEAST_FORCE_M_S2 else set()
         beside = [s for s in found if mine & set(s.axes) and s.rms_m_s2 > OVERSHADOWED * size]
         if beside:
-            gone.append((h.term, f"{h.term} is there beside {beside[0].hint}, which is as large"))
+            gone.append((h.term, f"{h.term} would explain a part only: {beside[0].hint} is as large"))
     return gone
 
 

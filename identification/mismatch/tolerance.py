@@ -67,7 +67,7 @@ def feigned(term: str, fit: Fit, before: Model, moments: Moments) -> str:
             limit = smallest(name, before, moments, fit.model)
             changed = changed or limit == 0.0 or change - 2.0 * sd > limit
     if not changed:
-        return f"{term} changes less than the logging can feign"
+        return f"{term} changes less than errors of logging could"
     if any(name.startswith(f"{term}.") for name in fit.own):
         return ""
     force, torque = effect(fit, before, moments)

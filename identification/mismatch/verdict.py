@@ -36,15 +36,15 @@ UNSEEN = 1e-6
 SIZES = 6
 """Halvings, by ratio, of the range of a parameter that acts far from linearly."""
 UNASKED = {
-    "mocap": "(position and attitude) nothing says how the vehicle moved",
-    "imu": "(gyro_x, gyro_y, gyro_z) nothing says how it turned: no torque, inertia, lag or delay can be asked for",
-    "command": "(thrust) nothing says what the simulator would have been commanded: no term can be evaluated",
-    "motor": "(m1, m2 and so on, one a rotor) nothing says what the simulator would have been commanded: no term can "
-             "be evaluated",
-    "rpm": "(m1, m2 and so on, one a rotor) nothing says how fast the rotors turned, which this simulator takes: no "
-           "term can be evaluated",
-    "battery": "(vbat) a simulator with thrust_voltage cannot be evaluated; one with thrust_pwm could be, and whether "
-               "thrust follows the voltage could not be asked"}
+    "mocap": "(position and attitude) the motion of the vehicle is unknown",
+    "imu": "(gyro_x, gyro_y, gyro_z) the rotation of the vehicle is unknown: torque, inertia, lag and delay "
+           "cannot be checked",
+    "command": "(thrust) the input of the simulator is unknown: no term can be evaluated",
+    "motor": "(m1, m2 and so on, one a rotor) the input of the simulator is unknown: no term can be evaluated",
+    "rpm": "(m1, m2 and so on, one a rotor) the rotor speeds that this simulator takes are unknown: no term can be "
+           "evaluated",
+    "battery": "(vbat) a simulator with thrust_voltage cannot be evaluated. One with thrust_pwm could be, without a "
+               "check whether thrust follows the voltage"}
 """Consequence of each missing stream."""
 ODD_SHARE = number("mismatch.verdict.odd_share")
 
@@ -77,7 +77,7 @@ class Verdict(Result):
         asks = [f"Without {name} {what}." for name, what in UNASKED.items()
                 if any(reason.endswith("stream") and name in reason for reason in recordings.left_out.values())]
         outcome = "data_fault" if recordings.forbidding and not lacks else "insufficient"
-        text = " ".join([f"Nothing can be said about physics: {why}.", *asks])
+        text = " ".join([f"No conclusion about physics: {why}.", *asks])
         if outcome == "data_fault":
             text = f"The data are at fault, and what is left of them is too little. {_faults_text(recordings)} {text}"
         return cls({"outcome": outcome, "paragraph": text, "findings": [], "unknown": None,
@@ -87,8 +87,8 @@ class Verdict(Result):
     @classmethod
     def another_vehicle(cls, recordings: Recordings, ratio: float, elapsed_s: float) -> Verdict:
         """The simulator is too wrong for a finer answer."""
-        text = (f"The simulator is of another vehicle: along these flights it lifts {ratio:.2g} times what flew. Look "
-                "at mass_kg and the thrust term, and at their units; nothing finer is asked.")
+        text = (f"The simulator is of another vehicle: its thrust over mass is {ratio:.2g} times that of these "
+                "flights. Check mass_kg and the thrust term, and their units. Smaller errors were not searched.")
         return cls({"outcome": "insufficient", "paragraph": text, "findings": [], "unknown": None,
                     "data_faults": data_faults(recordings), "power": {}, "improvement": None,
                     "corrected_simulator": None, "elapsed_s": elapsed_s}, None)
@@ -252,16 +252,16 @@ def _faults_text(recordings: Recordings) -> str:
 
 
 def only_translation(body: Mapping[str, Any], recordings: Recordings) -> list[str]:
-    """Sentences on what could not be asked because only forces are compared; none where moments are, too."""
+    """Sentences on effects that cannot be checked because only forces are compared; empty where moments are, too."""
     first = recordings.tracks[0]
     if first.commanded:
-        how = "in N, in equal parts: no thrust map is asked" if first.commanded == "N" else \
+        how = "in N, in equal parts: no thrust map is checked" if first.commanded == "N" else \
             "as a share of full, the same on each"
-        return [f"Only translation was asked: the recordings hold a collective thrust command ({how}) and the "
+        return [f"Only translation was checked: the recordings contain a collective thrust command ({how}) and the "
                 f"measured attitude. {', '.join(e['term'] for e in body['not_asked'] if e['why'] == WHY)} {WHY}."]
     if first.forces_only:
         unasked = ", ".join(e["term"] for e in body["not_asked"] if e["why"] == WHY_STILL)
-        return ["Only translation was asked, along the measured attitude: the simulator gives no angular "
+        return ["Only translation was checked, along the measured attitude: the simulator gives no angular "
                 f"acceleration. {unasked} {WHY_STILL}."]
     return []
 
@@ -271,14 +271,14 @@ def improved(body: Mapping[str, Any], held_out: bool, flights: int) -> list[str]
     if not body["findings"]:
         return []
     before, after = body["improvement"]["50"]["before"], body["improvement"]["50"]["after"]
-    own = ", each with its own value of what differs between flights," if body["levels"] else ""
+    own = ", with per-flight values of what differs between flights," if body["levels"] else ""
     goes = "falls" if after["position_m"] <= before["position_m"] else "goes"
     turns = ", the measured attitude given" if after["attitude_rad"] is None else \
         f" and from {before['attitude_rad']:.4f} to {after['attitude_rad']:.4f} rad"
     return [f"On flights left out of the fit{own} the error after half a second {goes} from "
             f"{before['position_m']:.4f} to {after['position_m']:.4f} m{turns}." if held_out else
             "One flight only: the fit was not tested on another." if flights == 1 else
-            "Flights differ; each was predicted with its own value, so nothing was held out."]
+            "Flights differ; each was predicted with a per-flight value, so no flight was held out."]
 
 
 def paragraph(body: Mapping[str, Any], recordings: Recordings, proof: Proof) -> str:
@@ -289,14 +289,15 @@ def paragraph(body: Mapping[str, Any], recordings: Recordings, proof: Proof) -> 
         values = ", ".join(f"{name.partition('.')[2]} = {p['value']:.4g}" + f" {p['unit']}" * (p["unit"] != "1") +
                            f" (95 %: {p['ci95'][0]:.4g} to {p['ci95'][1]:.4g}; the simulator has {p['believed']:.4g})"
                            for name, p in entry["parameters"].items())
-        other = f" These flights cannot tell it from {' or '.join(entry['equivalent'])}." if entry["equivalent"] else ""
-        settle = f" What would: {entry['settle_with']}." if entry["settle_with"] else ""
+        other = (f" These flights cannot distinguish it from {' or '.join(entry['equivalent'])}." if entry["equivalent"]
+                 else "")
+        settle = f" To distinguish them: {entry['settle_with']}." if entry["settle_with"] else ""
         parts.append(f"The simulator is wrong about {entry['term']}: {term.sentence} {values}. It shows in "
                      f"{', '.join(entry['where']['axes'])}, with {entry['confidence']:.0%} confidence.{other}{settle}")
     if body["levels"]:
         parts.append("Flights differ among themselves in " + ", ".join(
             f"{name} (sd {entry['sd']:.2g} {entry['unit']})" for name, entry in body["levels"].items())
-            + "; that is taken as each flight's own, and a change of all flights has to stand out of it.")
+            + ". These are fitted per flight; a change common to all flights must exceed their scatter.")
     if recordings.arm is not None:
         x, y, z = 1e3 * recordings.arm.r_m
         parts.append(f"The point that was tracked sits {x:.0f}, {y:.0f}, {z:.0f} mm (x, y, z) off the centre of mass; "
@@ -308,7 +309,7 @@ def paragraph(body: Mapping[str, Any], recordings: Recordings, proof: Proof) -> 
     if body["unknown"]:
         bound = body["unknown"]["bound_m_s2"]
         size = f", up to {bound:.2f} m/s^2" if bound else ""
-        parts.append(f"Something is there that no term of the vocabulary describes{size}: {body['unknown']['hint']}.")
+        parts.append(f"No term describes a part of the residual{size}: {body['unknown']['hint']}.")
     if body["outcome"] == "data_fault":
         parts.append(f"The data are at fault, not the physics. {_faults_text(recordings)}")
     parts += improved(body, proof.held_out, len(proof.flights))

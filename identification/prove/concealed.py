@@ -76,8 +76,8 @@ class RealCase:
 
 @dataclass(frozen=True, repr=False)
 class RealScore(CaseScore):
-    """right: the removed effect is identified; in the control none. ``beside``: false effects that the control of the
-    same flights lacks."""
+    """right: the removed effect is identified; in the control none. ``beside``: additional false
+    effects, which the control of the same flights lacks."""
 
     beside: tuple[str, ...]
 

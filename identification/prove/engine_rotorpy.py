@@ -5,12 +5,14 @@ wind and the motion of the body. Battery, commanded thrust, ground, sensors, con
 ones. What RotorPy's numbers are in terms of a simulator, with S the sum of the rotor speeds in hover:
 
     k_eta -> thrust_rpm k_f            k_m / k_eta -> yaw_torque k_m            tau_m -> motor_lag, both ways
+
     k_d, k_d, k_z -> drag_rotor d      k_flap S -> drag_torque c                wind -> wind
+
     S a^2 (k_z, k_z, 2 k_d) -> angular_damping, because the drag acts at the rotors (a: half the distance of two)
 
-Not said by any term, and small: RotorPy's rotors lag in speed, not in thrust; the last two lines hold at hover speed.
-Two effects have no exact term and are switched off. These are its parasitic drag (norm of the velocity times each
-component) and its translational lift (in newton, at any rotor speed).
+Two small differences have no term: RotorPy's rotors lag in speed, not in thrust; the last two lines hold at hover
+speed. Two effects have no exact term and are switched off. These are its parasitic drag (norm of the velocity times
+each component) and its translational lift (in newton, at any rotor speed).
 """
 
 from __future__ import annotations

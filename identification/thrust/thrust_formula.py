@@ -70,7 +70,7 @@ class ThrustFormula(Result):
             full = "" if self.sagged_N is None else (
                 f"{newton(self.sagged_N)} per motor at full command and {self.voltage_V[0]:.2f} V. ")
             return (f"{full}Rows have {self.voltage_V[0]:.2f} to {self.voltage_V[1]:.2f} V, always the same at "
-                    "the same command: they do not show how thrust depends on voltage; do not use the formula at other "
+                    "the same command. They do not show how thrust depends on voltage: do not use the formula at other "
                     "voltages")
         parts = []
         for level in self.levels:

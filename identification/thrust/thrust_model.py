@@ -34,7 +34,7 @@ class ThrustModel:
     ``name``: a candidate to use in place of the chosen one; ``mass_kg``: of the vehicle, for flights (free flight
     shows T/m only); ``draws``: refits for the intervals of the parameters; ``seed``: of these. After ``fit``:
 
-    - ``study_`` (all candidates), ``best_`` (name of the one in use), ``kind_`` (``stand`` | ``flight``);
+    - ``study_``: all candidates; ``best_``: name of the one in use; ``kind_``: ``stand`` or ``flight``;
     - ``parameters_``, ``delay_s_``, ``left_out_`` (reason by name of recording).
     """
 

@@ -137,8 +137,8 @@ def words(kind: str, mine: StandResult | FlightResult, rows: Sequence[ErrorRow])
         text.append(f"The 95 % prediction interval (± {factor * chosen.interval_half_width:.{digits}f} {unit}) holds "
                     f"{100 * covered:.0f} % of these rows.")
     if pairs := mine.against_firmware:
-        text.append(f"Smaller error than the closer of the firmware's two curves on {sum(p.beaten for p in pairs)} "
-                    f"of {len(pairs)} held-out files, than the closer of these scaled as it is on "
+        text.append(f"On {sum(p.beaten for p in pairs)} of {len(pairs)} held-out files the error is smaller than that "
+                    "of the firmware's better curve. With it scaled to the training files: on "
                     f"{sum(p.scaled_beaten or False for p in pairs)}.")
     note = interval_note([row for row in rows if row.split == split])
     return [*text, note] if note else text

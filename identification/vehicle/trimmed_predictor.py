@@ -1,6 +1,7 @@
 """A vehicle with the trim of the flight: four gains of the motors from the rows before the start, then its physics.
 
     f = m a_z + d_z v_z,   M = J dw/dt + w x J w + d_r w - c e3 x v         measured, rows before the start
+
     [f; M] - A T = A diag(T) e + noise,   e ~ N(0, GAIN_SD^2)               A: sum, arms, yaw moment of the thrusts T
 
 The balance is a mean over these rows with the weight exp(-age / MEMORY_S). e has its posterior mean and is constant

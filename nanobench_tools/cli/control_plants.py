@@ -239,9 +239,9 @@ def _write_paths(out: Path, flights: Mapping[str, Flight], paths: Mapping[str, A
 
 
 def _gate_note(found: Mapping[str, GateSummary], chosen: Chosen) -> str:
-    parts = [f"{name}: RMSE ratio within 10 % on {100.0 * s.ratio_share:.0f} % of {s.n} flights (aim 85), median "
-             f"lag difference {1e3 * s.lag_diff_median_s:+.0f} ms (aim 30), median path gap "
-             f"{100.0 * s.path_gap_median_m:.1f} cm (aim 5)" for name, s in found.items() if name != "all"]
+    parts = [f"{name}: RMSE ratio within 10 % on {100.0 * s.ratio_share:.0f} % of {s.n} flights (aim 85). Medians: lag "
+             f"difference {1e3 * s.lag_diff_median_s:+.0f} ms (aim 30), path gap {100.0 * s.path_gap_median_m:.1f} cm "
+             "(aim 5)" for name, s in found.items() if name != "all"]
     return (f"plant: {chosen.origin}; given setpoints, battery, gaps of the radio and state at the start; "
             + "; ".join(parts))
 
@@ -264,9 +264,9 @@ def _show_gate(options: Options, rows: Sequence[GateRow], found: Mapping[str, Ga
     for name, s in found.items():
         ends = s.statistics["pass_share"].ci95
         interval = f" (95 % {100.0 * ends[0]:.0f} to {100.0 * ends[1]:.0f})" if ends else ""
-        options.detail(f"{name}: {s.n} flights, {100.0 * s.pass_share:.0f} % pass in everything{interval}; ratio "
-                     f"{100.0 * s.ratio_share:.0f} %, lag {100.0 * s.lag_share:.0f} %, gap "
-                     f"{100.0 * s.gap_share:.0f} %; medians: ratio {s.ratio_median:.3f}, lag "
+        options.detail(f"{name}: {s.n} flights, {100.0 * s.pass_share:.0f} % pass all criteria{interval}. Passed: "
+                     f"ratio {100.0 * s.ratio_share:.0f} %, lag {100.0 * s.lag_share:.0f} %, gap "
+                     f"{100.0 * s.gap_share:.0f} %. Medians: ratio {s.ratio_median:.3f}, lag "
                      f"{1e3 * s.lag_diff_median_s:+.0f} ms, gap {100.0 * s.path_gap_median_m:.1f} cm")
     if "all" in found:
         options.detail(interval_note([found["all"]], ["pass_share", "lag_real_s"]))

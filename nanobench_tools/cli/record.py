@@ -137,9 +137,10 @@ def say_export(options: Options, found: Exported) -> RecordBody:
         options.say(note)
     clock = found.alignment
     options.say(f"{found.csv}: " + ", ".join(f"{name} {n}" for name, n in found.counts.items()) + " packets")
-    options.say(f"clock: ticks to ± {1e3 * clock.ci95_s:.2f} ms (95 %, equal ways up and down; ± "
-                f"{1e3 * clock.bound_s:.1f} ms for any link), drift {1e6 * (clock.rate - 1.0):+.1f} ppm, "
-                f"fastest packet {1e3 * clock.down_s:.1f} ms on its way; raw tables in {found.parquet}")
+    options.say(f"clock offset: ± {1e3 * clock.ci95_s:.2f} ms (95 %) if both directions of the link are equally fast, "
+                f"± {1e3 * clock.bound_s:.1f} ms for any link. Drift {1e6 * (clock.rate - 1.0):+.1f} ppm, "
+                f"fastest packet {1e3 * clock.down_s:.1f} ms")
+    options.say(f"raw tables: {found.parquet}")
     return RecordBody(found.csv, found.parquet, found.counts, clock.to_json(), found.notes)
 
 

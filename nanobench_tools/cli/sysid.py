@@ -247,8 +247,8 @@ def _show(options: Options, rows: Sequence[PredictionRow], chosen: Split) -> Non
 
     from ..protocols.sessions import interval_note
 
-    title = (f"Task 1: {data_word(options)} data, clock {options.clock}, mean error after 1, 10, 50 steps of 10 ms "
-             "and sum over 1..50 \\[95 % interval of the sum]")
+    title = (f"Task 1: {data_word(options)} data, clock {options.clock}; mean error after 1, 10, 50 steps of 10 ms; "
+             "sum over 1..50 \\[95 % interval]")
     table = rich_table(title)
     for head in ("model", "information", "truth", "start", "group", "windows", "flights", "sessions"):
         table.add_column(head, no_wrap=head != "model", overflow="fold")  # two names may begin alike
@@ -281,9 +281,9 @@ def _show_commands(options: Options, rows: Sequence[PredictionRow]) -> None:
     if not found:
         return
     one = next(iter(found.values()))
-    table = rich_table(f"Response to a step of {one.step:g} of PWM, {data_word(options)} data, {one.windows} "
-                        f"windows: change after {SHOWN_S} s, and its share of that of a rigid body with numbers from "
-                        "firmware, scale and ruler", wrapped=("model",))
+    table = rich_table(f"Change {SHOWN_S} s after a step of {one.step:g} of PWM, {data_word(options)} "
+                       f"data, {one.windows} windows. After x: ratio to a rigid body with numbers from firmware, scale "
+                       "and ruler", wrapped=("model",))
     for name in MIX:
         table.add_column(f"{name} {getattr(one, name).after_s[SHOWN_S].unit}", justify="right", no_wrap=True)
     table.add_column("is it a vehicle?")

@@ -194,9 +194,8 @@ def _against_firmware(result: StandResult | FlightResult) -> list[str]:
     if not pairs or result.best is None:
         return []
     scaled = [p.scaled_beaten for p in pairs if p.scaled_beaten is not None]
-    lines = [f"Smaller error than the closer of the firmware's two curves on {sum(p.beaten for p in pairs)} of "
-             f"{len(pairs)} held-out files, than the closer of these scaled as it is on {sum(scaled)} of "
-             f"{len(scaled)}."]
+    lines = [f"On {sum(p.beaten for p in pairs)} of {len(pairs)} held-out files the error is smaller than that of the "
+             f"firmware's better curve. With it scaled to the training files: on {sum(scaled)} of {len(scaled)}."]
     if not isinstance(result, StandResult):
         return lines
     unit, factor, digits = UNITS["stand"]

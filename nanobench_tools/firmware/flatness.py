@@ -11,8 +11,9 @@ def body_rates(acceleration_m_s2: np.ndarray, jerk_m_s3: np.ndarray, yaw_rad: np
                yaw_rate_rad_s: np.ndarray) -> np.ndarray:
     """Acceleration, jerk (n, 3) world, yaw [rad] and its rate (n,) -> rates (n, 3) rad/s of the body that flies it.
 
-    With t = a + g e3, z = t/|t|, y = z x (cos yaw, sin yaw, 0) normalised, x = y x z, h = (j - (j.z) z)/|t|:
-    (-h.y, h.x, z_z yaw_rate). Zero where the path asks for free fall or for thrust along the heading.
+    The thrust over mass is t = a + g e3. The axes of the body are z = t/|t|, y = z x (cos yaw, sin yaw, 0) normalised,
+    and x = y x z. With h = (j - (j.z) z)/|t| the rates are (-h.y, h.x, z_z yaw_rate). They are zero
+    where the path requires free fall or thrust along the heading.
     """
     out = np.zeros((len(yaw_rad), 3))
     for i in range(len(yaw_rad)):

@@ -60,10 +60,10 @@ def band_figure(band: Mapping[str, Any]) -> Figure:
             "", 165, wide=True, timed=True))
     inside = 100.0 * float(np.mean((np.abs(error) <= 3.0 * sd).all(axis=1)))
     return Figure("Error and three standard deviations",
-                  f"From above, with the ellipse of three standard deviations at {ELLIPSES} moments, and error by axis "
-                  "with the band of ± 3 standard deviations that the estimator states: of this flight "
-                  f"{inside:.0f} % of the time all three axes are inside. The flight is the one with the median error "
-                  "of its protocol; nanobench estimate --data FILE draws any other.", panels,
+                  f"The path from above, with the ellipse of three standard deviations at {ELLIPSES} moments, and the "
+                  "error by axis. Bands are ± 3 standard deviations, as the estimator reports them. All three axes are "
+                  f"inside for {inside:.0f} % of this flight. It is the flight with the median error of its protocol; "
+                  "nanobench estimate --data FILE draws any other.", panels,
                   cursor=(float(t[0]), float(t[-1])))
 
 

@@ -309,7 +309,8 @@ def _voters(row: Mapping[str, Any]) -> str:
         return "Which streams set this clock is not in the result file."
     attitude = f" Attitudes are judged on a clock from {turns}." if turns else ""
     return (f"This clock was set by {places} against the motion capture. The estimated position and velocity were not "
-            f"used for it, so they can be judged on it.{attitude} The remaining error includes the error of the clock "
+            f"used for it, so they can be judged on it.{attitude}"
+            " The remaining error includes the error of the clock "
             "correction.")
 
 

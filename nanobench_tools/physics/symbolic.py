@@ -1,7 +1,11 @@
 """A model as CasADi functions of state, inputs and parameters, with exact derivatives.
 
-    derivative(x[S], u[I], p[P]) -> dx[S]       step(x[S], u[I], p[P]) -> x[S] one row later
-    command(u[I], p[P]) -> r[n] thrust asked for                lagged(r[n], u[I], p[P]) -> r[n] one row later
+    derivative(x[S], u[I], p[P]) -> dx[S]
+    step(x[S], u[I], p[P]) -> x[S]              one row later
+
+    command(u[I], p[P]) -> r[n]                 commanded thrust
+    lagged(r[n], u[I], p[P]) -> r[n]            one row later
+
     rollout(x[S], U[I, H], p[P]) -> X[S, H]
 
 n rotors have S = 13 + n states. The orders of x, u and p are ``Model.state``, ``Model.inputs`` and ``Model.names``.

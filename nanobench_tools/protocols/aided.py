@@ -38,9 +38,9 @@ class Aiding:
     def given(self) -> str:
         """What a row was given, in words."""
         lost = f", {100.0 * self.loss:g} % lost" if self.loss else ""
-        return (f"motion capture poses at {self.rate_hz:g} Hz all along{lost}, position with noise of "
-                f"{1e3 * self.noise_m:g} mm, stamped at arrival {1e3 * self.delay_s:g} ms after measurement (the delay "
-                "is given), all other streams")
+        return (f"motion capture poses at {self.rate_hz:g} Hz throughout{lost}; position noise {1e3 * self.noise_m:g} "
+                f"mm; timestamps at arrival, {1e3 * self.delay_s:g} ms after measurement (the delay is given); all "
+                "other streams")
 
     @property
     def inputs(self) -> str:

@@ -324,8 +324,8 @@ def _time(draft: Draft, table: Table, place: str) -> np.ndarray:
         rises = [c for c, v in table.values.items() if len(v) > 2 and np.all(np.diff(v) > 0.0)]
         hint = f"{rises[0]!r} rises from row to row: is it the time? " if rises else ""
         raise InputError(place, f"no column is named like a time; its columns: {seen}{also}",
-                         f"{hint}call one of them t (or time, timestamp), or write the map by hand: "
-                         'time = {column = "frame", rate_hz = 100} for a frame rate')
+                         f"{hint}rename it to t, time or timestamp. Or write the map by hand; for a frame rate: "
+                         'time = {column = "frame", rate_hz = 100}')
     time = draft.mapped[TIME]
     if time.column in table.dates:
         draft.mapped[TIME] = replace(time, unit=_date_unit(time.column), status="known", why="dates")

@@ -129,8 +129,8 @@ def _thin(context: Context, name: str, quantities: tuple[str, ...], position: np
         return None
     farthest_mm = 1e3 * float(np.abs(position[:, thin]).max())
     return WrongUnit(name, (quantities[thin],), 1e-3, f"{quantities[thin]} of {name} stays within {farthest_mm:.2g} mm "
-                                                      f"of 0, and another axis spans {extent.max():.2g} m; the path is "
-                                                      "not known to be a line or to lie in a plane")
+                                                      f"of 0, another axis spans {extent.max():.2g} m, and the path "
+                                                      "need not be flat")
 
 
 def _noisy_as_metres(axis: int, position: np.ndarray) -> bool:

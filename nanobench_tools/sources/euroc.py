@@ -261,8 +261,8 @@ def _forward_left_up(streams: dict[str, Stream],
     if up is None:
         return streams, []
     if by_pose is not None and by_force is not None and (apart := _apart_deg(by_pose, by_force)) > APART_DEG:
-        return streams, [f"axes are not changed: up by the attitude and up by the accelerometer differ by "
-                         f"{apart:.0f} deg in the body, so one {SHEET} is missing or wrong"]
+        return streams, [f"axes are not changed: attitude and accelerometer disagree by {apart:.0f} deg on which "
+                         f"body axis is up, so one {SHEET} is missing or wrong"]
     axis = int(np.argmax(np.abs(up)))
     if abs(up[axis]) < UP_SHARE * float(np.linalg.norm(up)):
         return streams, [f"no axis of the body points up (mean direction {up[0]:.2f}, {up[1]:.2f}, {up[2]:.2f}): its "

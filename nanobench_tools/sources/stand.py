@@ -221,7 +221,7 @@ def _of_a_flight(names: list[str]) -> list[str]:
 
 
 def _streams(grid: Grid, known: list[Heading], row: np.ndarray, place: str) -> tuple[dict[str, Stream], set[str]]:
-    """Streams motor, rpm, battery and stand, and the columns that went into them."""
+    """Streams (motor, rpm, battery, stand) and the columns that they come from."""
     chosen: dict[str, dict[str, Heading]] = {}
     for head in known:
         if head.column not in grid.columns:

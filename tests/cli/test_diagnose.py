@@ -50,11 +50,11 @@ def verdict(nanobench, tmp_path, *arguments):
 
 
 @pytest.mark.parametrize(("change", "words"), [
-    (lambda t: {k: v for k, v in t.items() if k not in MOTORS}, "Without motor (m1, m2 and so on, one a rotor) noth"),
-    (lambda t: {k: v for k, v in t.items() if "gyro" not in k}, "no torque, inertia, lag or delay can be asked for"),
-    (lambda t: {k: v for k, v in t.items() if "vbat" not in k}, "one with thrust_pwm could be"),
-    (lambda t: t | {k: ["30000"] * len(t[k]) for k in MOTORS}, "Nothing can be said about physics"),
-    (lambda t: {k: v[:5] for k, v in t.items()}, "Nothing can be said about physics"),
+    (lambda t: {k: v for k, v in t.items() if k not in MOTORS}, "Without motor (m1, m2 and so on, one a rotor) the"),
+    (lambda t: {k: v for k, v in t.items() if "gyro" not in k}, "inertia, lag and delay cannot be checked"),
+    (lambda t: {k: v for k, v in t.items() if "vbat" not in k}, "One with thrust_pwm could be"),
+    (lambda t: t | {k: ["30000"] * len(t[k]) for k in MOTORS}, "No conclusion about physics"),
+    (lambda t: {k: v[:5] for k, v in t.items()}, "No conclusion about physics"),
 ])
 def test_what_recordings_lack_is_said(nanobench, changed, simulator, tmp_path, change, words):
     found = verdict(nanobench, tmp_path, "--data", changed(change), "--simulator", simulator)

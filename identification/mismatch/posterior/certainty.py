@@ -108,8 +108,8 @@ def size_of(case: Case, which: int, found: Refined) -> float:
 def certainty(case: Case, which: int, found: Refined, told: Callable[[], float] = no_predictions) -> float:
     """Distance between the simulator and an effect of a set, relative to the 95 % limit; ``told``: as of ``sizes_of``.
 
-    The smallest one counts: that of its best known parameter, that of the region of all its directions,
-    ``over_error``, or ``_over_scatter``. It is 0 if errors of terms cancel the effect.
+    There are four such distances: of the best known parameter, of the region of all directions, ``over_error`` and
+    ``_over_scatter``. The smallest one counts. It is 0 if errors of terms cancel the effect.
     """
     if _cancelled(case, which, found):
         return 0.0

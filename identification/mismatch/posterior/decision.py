@@ -66,7 +66,7 @@ class Decision:
     - found: sizes of the identified effects; corrected: the simulator with these sizes.
     - left_open: effects that are there but may be of more than KINDS kinds, as findings. Their sizes are those in the
       most probable set.
-    - hidden {term: reason}: those of ``rejected`` that a force without an effect may imitate. Something is there.
+    - hidden {term: reason}: those of ``rejected`` that a force without an effect may imitate.
     """
 
     findings: tuple[Finding, ...]
@@ -169,8 +169,8 @@ def _certain_of_size(weighing: Weighing, worse: Callable[[Refined, Refined], Seq
 def _standing(weighing: Weighing, chosen: tuple[int, ...], rejected: dict[str, str],
               hidden: dict[str, str]) -> Refined:
     """Sizes of the accepted effects of a set. An accepted effect changes the simulator, lies inside its bounds and is
-    large compared with the unexplained force. The others are added to ``rejected`` {term: reason}, those that are too
-    small next to the unexplained force to ``hidden`` as well."""
+    large compared with the unexplained force. The others are added to ``rejected`` {term: reason}. Those that are too
+    small next to the unexplained force are added to ``hidden`` as well."""
     case, found = weighing.case, weighing.sizes(chosen)
     while found.chosen:
         said = {i: why for i in found.chosen
@@ -188,8 +188,10 @@ def _standing(weighing: Weighing, chosen: tuple[int, ...], rejected: dict[str, s
 
 def _spoiling(weighing: Weighing, chosen: tuple[int, ...], worse: Callable[[Refined, Refined], Sequence[float]],
               misled: bool) -> int | None:
-    """The effect of a set without which predictions get better most, if it spoils them; if ``misled``, also if it does
-    not improve them."""
+    """The effect of a set that spoils predictions most, or None.
+
+    That is the effect without which predictions are best. With ``misled``, an effect that does not improve them is
+    enough."""
     found = weighing.sizes(chosen)
     errors = {i: worse(found, weighing.sizes(tuple(j for j in chosen if j != i))) for i in chosen}
     most = max(chosen, key=lambda i: max(errors[i]), default=None)

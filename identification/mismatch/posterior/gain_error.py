@@ -15,8 +15,9 @@ UNIFORM = 3.0**-0.5
 
 
 def gain_error(made: np.ndarray, measured: np.ndarray, flight: np.ndarray) -> float:
-    """Standard deviation of a gain of 1 between a command's effect ``made`` (n,) and the ``measured`` motion (n,),
-    without the means of each flight (n,).
+    """Standard deviation of a gain of 1 between a command's effect and the motion that follows.
+
+    ``made``, ``measured``: effect and motion (n,). ``flight`` (n,): the mean of each flight is subtracted.
 
     >>> gain_error(np.arange(4.0), np.arange(4.0), np.zeros(4))
     0.0

@@ -17,10 +17,10 @@ CERTAIN = 1.96
 
 
 def only_in_motion(case: Case, found: Refined, which: int) -> bool:
-    """Whether an effect ``which`` (of width 1) of a set depends on the speed, and less than half of it is left at rest.
+    """Whether an effect of a set depends on the speed, and less than half of it is left at rest.
 
-    The effect is b + c (s - 1) times its column, where s is the speed over its mean. At rest b - c is left. Before any
-    flight, c is zero to within b.
+    ``which``: an effect of one parameter. The effect is b + c (s - 1) times its column, where s is the speed
+    over its mean. At rest b - c is left. Before any flight, c is zero to within b.
     """
     mine = int(np.flatnonzero(np.repeat(found.chosen, [case.effects[i].width for i in found.chosen]) == which)[0])
     unit = case.evidence.unit[case.evidence.columns(found.chosen)]

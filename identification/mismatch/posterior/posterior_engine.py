@@ -207,9 +207,9 @@ def _paragraph(body: dict[str, Any], recordings: Recordings, improvement: Improv
     if body["unknown"] and "between" in body["unknown"]:
         parts.append(f"Something is wrong, but these flights do not show which it is: {body['unknown']['hint']}.")
     elif body["unknown"]:
-        what = "that may be an effect or physics without a name" if body["unknown"]["hides"] else (
-            "that no term of the vocabulary describes")
-        parts.append(f"Something is there {what}: {body['unknown']['hint']}.")
+        what = "A part of the residual may be an effect, or physics without a term" if body["unknown"]["hides"] else (
+            "No term describes a part of the residual")
+        parts.append(f"{what}: {body['unknown']['hint']}.")
     elif not body["findings"]:
         parts.append(f"Nothing is identified. Forces that no effect explains are {body['discrepancy_m_s2'][WHOLE]:.2f} "
                      "m/s^2 RMS.")

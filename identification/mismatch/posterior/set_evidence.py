@@ -240,8 +240,8 @@ class Evidence:
         return bool((parts[large] > CANCELS**2 * net[large]).any())
 
     def opposed(self, acts: np.ndarray, errors: np.ndarray) -> bool:
-        """Whether ``errors`` (P,) of all terms cancel as much of an effect ``acts`` (P,) as effects of a set may cancel
-        of each other. The effect then stands for something else: a constant force against the error of a wind, for
+        """Whether ``errors`` (P,) of all terms cancel more of an effect ``acts`` (P,) than effects of a set may cancel
+        of each other. The effect then represents something else. A constant force against the error of a wind, for
         example, acts only where the vehicle leans."""
         work = self.work.sum(0)
         return bool(-(acts @ work @ errors) > (1.0 - 1.0 / CANCELS) * (acts @ work @ acts))

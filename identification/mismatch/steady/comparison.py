@@ -67,7 +67,7 @@ def normal_flights(trims: Sequence[Trim], body: Body, known: Known = NOTHING) ->
         worst = int(np.argmin(against_rest))
         if against_rest[worst] >= ODD:
             break
-        odd[kept[worst].name] = (f"stands apart from the other normal flights (probability that nothing changed "
+        odd[kept[worst].name] = (f"differs from the other normal flights (probability that nothing changed "
                                  f"{against_rest[worst]:.2f})")
         del kept[worst]
     return Flights(normal_of(kept, known.same_day), tuple(kept), odd)
@@ -82,7 +82,7 @@ def compare(trims: Sequence[Trim], flights: Flights, body: Body, *, left_out: Ma
     left_out = dict(left_out or {})
     if not trims:
         why = "; ".join(f"{name}: {reason}" for name, reason in left_out.items()) or "no flight"
-        return _body("insufficient", f"Nothing can be said: {why}.", [], None, left_out, flights, {}, None, started)
+        return _body("insufficient", f"No conclusion: {why}.", [], None, left_out, flights, {}, None, started)
     normal = flights.normal
     if flights.trims:
         left_out |= _foreign(trims, flights.trims[0].commands)

@@ -36,10 +36,10 @@ def smallest_swing(here: Sequence[Swing], normal: Sequence[Swing], mass_kg: floa
     mine, usual = [s for s in here if s.runs], [s for s in normal if s.runs]
     nothing = {"minimum_detectable": None, "unit": "m/s^2"}
     if not normal:
-        return {**nothing, "why": "it is told from normal flights, and there are none"}
+        return {**nothing, "why": "it is detected by comparison with normal flights, and none were given"}
     if not mine or not usual:
         whose = "these flights" if not mine else "normal flights"
-        return {**nothing, "why": f"{whose} show no velocity, tilt and yaw beside each other for long enough"}
+        return {**nothing, "why": f"{whose} show no velocity, tilt and yaw together for long enough"}
     usual_power, power = usual_level(usual), np.array([s.power for s in mine])
     seen = np.flatnonzero(np.isfinite(power).all(axis=(0, 1)) & np.isfinite(usual_power).all(axis=0))
     if not len(seen):
@@ -51,7 +51,7 @@ def smallest_swing(here: Sequence[Swing], normal: Sequence[Swing], mass_kg: floa
                                  np.array([s.run_s for s in mine]), int(k), least) for a in seen] for k in band])
     worst = sizes.max(axis=1)
     if not np.isfinite(worst).any():
-        return {**nothing, "why": f"not even a swing of {SIZES_M_S2[-1]:g} m/s^2 would stand out"}
+        return {**nothing, "why": f"not even a swing of {SIZES_M_S2[-1]:g} m/s^2 would be detected"}
     good = np.isfinite(worst)
     low, high = hertz[band[good]][[0, -1]]
     size = float(worst[good].max())
@@ -99,11 +99,11 @@ def say(swing: Mapping[str, Any] | None) -> str:
     if not swing:
         return ""
     if swing["minimum_detectable"] is None:
-        return f"A swing, as of a load on a string, cannot be asked for: {swing['why']}."
+        return f"A swing, as of a load on a string, cannot be detected: {swing['why']}."
     seen = {"forward": "ahead and back", "left": "to the left and right"}
     low, high = swing["band_hz"]
     short, long = swing["string_m"]
-    return (f"A load on a string would have been found from a swing of {swing['minimum_detectable']:.2f} m/s^2 "
-            f"{' or '.join(seen[a] for a in swing['axes'])} on ({1e3 * swing['force_N']:.1f} mN, as "
-            f"{swing['load_g']:.1f} g at {LEAN_DEG:.0f} degrees), {low:.1f} to {high:.1f} Hz, a string of {short:.2f} "
-            f"to {long:.2f} m.")
+    return (f"A load on a string would be detected from a swing of {swing['minimum_detectable']:.2f} m/s^2 "
+            f"{' or '.join(seen[a] for a in swing['axes'])} on. That is a force of {1e3 * swing['force_N']:.1f} mN, as "
+            f"of {swing['load_g']:.1f} g at {LEAN_DEG:.0f} degrees. Frequencies checked: {low:.1f} to {high:.1f} Hz "
+            f"(strings of {short:.2f} to {long:.2f} m).")

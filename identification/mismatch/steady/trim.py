@@ -95,7 +95,8 @@ def trim_of(flight: Flight, audit: Audit) -> Trim:
     of it at full command."""
     place = flight.provenance.path
     if "motor" not in flight or any(f"m{i}" not in flight["motor"] for i in (1, 2, 3, 4)):
-        raise InputError(place, "motor commands are not among its variables", "no trim can be told")
+        raise InputError(place, "motor commands are not among its variables",
+                         "log m1 to m4: a trim is computed from them")
     command = flight["motor"]["m1", "m2", "m3", "m4"]
     states = states_of(flight)
     runs = runs_of(flight, audit, command, states.time_s)
@@ -146,7 +147,7 @@ def _voltage(flight: Flight, time_s: np.ndarray, rows: np.ndarray) -> tuple[np.n
         return None, "no battery voltage was logged"
     voltage = flight["battery"].interpolate("vbat", time_s)
     if np.isnan(voltage[rows]).any() or np.ptp(voltage[rows]) < STUCK_V:
-        return None, f"the battery voltage stands still at {np.nanmean(voltage[rows]):.2f} V"
+        return None, f"the battery voltage is constant at {np.nanmean(voltage[rows]):.2f} V"
     return voltage, ""
 
 

@@ -5,6 +5,7 @@ of them does not know are ignored by it. Frames, quaternions, motor order and si
 
     T = rpm2thrust . (1, Omega, Omega^2)    torque = mixing_matrix (L T, L T, rpm2torque . (1, Omega, Omega^2))
     dOmega/dt = a (cmd - Omega) + b (cmd^2 - Omega^2), rotor_dyn_coef = [a, b] rising, [a, b] falling
+
     F_b += drag_matrix v_b    and the gyroscopic moment of prop_inertia, with that of changing rotor speeds
 
 drone-models 0.1 has the first component of the gyroscopic moment with the other sign; crazyflow has mended it.

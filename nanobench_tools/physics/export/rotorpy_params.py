@@ -5,6 +5,7 @@ keep the numbers of the motors, r1 = motor 1. Per rotor, with the air velocity v
 Kumar 2023, RotorPy, arXiv 2306.04485; vehicles/multirotor.py of 3.0):
 
     T = k_eta Omega^2 + k_h (v_x^2 + v_y^2)    H = -Omega diag(k_d, k_d, k_z) v    tau_m dOmega/dt = cmd - Omega
+
     M_z = direction k_m Omega^2    M_flap = -k_flap Omega v x e3    and at the centre D = -|v| diag(c_D) v
 
 Drag of rotors grows with their speed there; ours in proportion to velocity alone is made equal at the speed of hover.

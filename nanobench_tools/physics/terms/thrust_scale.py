@@ -19,7 +19,7 @@ def scaled(thrust: Components, p: SimpleNamespace, at: Situation, ops: Ops) -> l
 
 
 TERM = Term(name="thrust_scale",
-            sentence="All thrusts are s times what the thrust curve says (worn propellers, another air density).",
+            sentence="All thrusts are s times what the thrust curve gives (worn propellers, another air density).",
             equation="T_i <- s T_i",
             parameters=(Parameter("s", "1", 0.2, 3.0, TYPICAL, neutral=1.0, unidentifiable=(0,), systematic=LEVEL,
                                   differs=DIFFERS,

@@ -113,8 +113,7 @@ class SimulatedCrazyflie:
         """What went over the air and how late the server was, in one line."""
         down, up = self.simulation.down, self.simulation.up
         return (f"{self.turns} turns, {self.late} more than {1e3 * LATE_S:.0f} ms late, stood still for "
-                f"{self.stood_s:.1f} s; lost on the way up {up.lost}, "
-                f"down {down.lost}, dropped before a full queue {down.full}")
+                f"{self.stood_s:.1f} s; packets lost: up {up.lost}, down {down.lost}, full queue {down.full}")
 
     def _now(self) -> float:
         """The clock of this world: Unix time that does not jump, from the start on at its own pace."""

@@ -2,18 +2,26 @@
 
 A file has ``title``, ``origin`` (where the names and units are documented) and entries ``[[names]]``:
 
-``name``     as the ecosystem writes it. ``{x,y,z}`` makes one name of each, with the same place in ``is``;
-             braces in ``is`` alone are one name for several quantities
-``is``       ``stream.quantity`` of the vocabulary, ``time``, or absent where the vocabulary has no place; then
-``what``     describes it in a few words. With both ``what`` and ``is``, the column alone does not give the quantity:
-             tables omit it. Only a reader of the whole message uses it
-``unit``     as ``units`` knows it (default "1"; "" where the numbers have to show it); ``sign``, ``offset`` [SI] and
-             ``invalid`` (an invalid reading)
-``topic``    of PX4 and ROS: the message, or list of messages, of this name. If several messages give one stream,
-             the first in the file is the best
-``frame``    axes of the numbers (``axes``), where they are not ours
-``generic``  true where others write the same name for numbers in other units: the unit is assumed
-``plain``    true where others call columns the same: the name alone does not show the ecosystem
+``name``     As the ecosystem writes it. ``{x,y,z}`` makes one name of each, with the same place in ``is``.
+             Braces in ``is`` alone are one name for several quantities.
+
+``is``       ``stream.quantity`` of the vocabulary, ``time``, or absent where the vocabulary has no place for it.
+
+``what``     A few words on a quantity that the vocabulary lacks. With both ``what`` and ``is``, the column alone does
+             not give the quantity: tables omit it. Only a reader of the whole message uses it.
+
+``unit``     As ``units`` knows it: default "1"; "" where the numbers have to show it.
+
+``sign``, ``offset``, ``invalid``    Factor 1 or -1, offset in SI, and the value of an invalid reading.
+
+``topic``    Of PX4 and ROS: the message, or list of messages, of this name. If several messages give one stream,
+             the first in the file is the best.
+
+``frame``    Axes of the numbers (``axes``), where they are not ours.
+
+``generic``  True where others write the same name for numbers in other units: the unit is assumed.
+
+``plain``    True where others call columns the same: the name alone does not show the ecosystem.
 
 Several names may give one quantity: the first of them in the file counts.
 """

@@ -50,8 +50,8 @@ def with_positions(flight: Flight, tracked: Flight, coarse_offset: Offset) -> Fl
     at = [mocap.index(q) for q in TRACKED]
     values[:, at] = values[:, at] @ _about_z(yaw).T + shift
     note = (f"motion capture of {tracked.provenance.path}, its timestamps later by {offset_s:.3f} s, turned by "
-            f"{np.degrees(yaw):.1f} deg about the vertical onto the estimate, which it then fits to {error:.3f} m (RMS)"
-            "; the delay of the estimate is part of this offset, so errors along the track come out too small")
+            f"{np.degrees(yaw):.1f} deg about the vertical onto the estimate. Then they differ by {error:.3f} m (RMS). "
+            "The delay of the estimate is part of this offset, so errors along the track come out too small")
     moved = replace(mocap, time_s=mocap.time_s + offset_s, values=values)
     return replace(flight.with_streams(mocap=moved),
                    provenance=replace(flight.provenance, notes=(*flight.provenance.notes, note)))

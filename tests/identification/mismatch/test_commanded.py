@@ -52,7 +52,7 @@ def test_a_right_simulator_is_left_alone_and_what_was_not_asked_is_said(flights)
         "angular_damping", "com_offset", "drag_torque", "inertia", "motor_imbalance", "rotor_gyro",
             "rotor_reaction", "yaw_torque"]
     assert {e["why"] for e in verdict["not_asked"]} == {"not tested: no motor commands"}
-    assert "Only translation was asked" in verdict["paragraph"]
+    assert "Only translation was checked" in verdict["paragraph"]
 
 
 @pytest.mark.slow

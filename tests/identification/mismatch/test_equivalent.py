@@ -93,7 +93,7 @@ def test_a_callable_like_no_terms_gets_no_name(recordings):
     assert (verdict.body["outcome"], verdict.body["findings"]) == ("unknown", [])
     assert verdict.body["unknown"]["where"]["axes"] == ["force x"]
     assert not verdict.body["simulator"]["alike"]
-    assert "no effect can be named" in verdict.paragraph
+    assert "no effect can be identified" in verdict.paragraph
 
 
 def test_too_little_flight_is_not_fitted(recordings):

@@ -53,7 +53,7 @@ def test_headlines():
         "position error after 0.5 s 0.050 m.")
     both = headline({**body, "unknown": either})
     assert "wrong about linear drag (97%) and about wind or mass and about inflow;" in both
-    assert headline({"outcome": "insufficient", "improvement": None}) == "Nothing can be said about physics."
+    assert headline({"outcome": "insufficient", "improvement": None}) == "No conclusion about physics."
     assert uses(good_for(None)).count("cannot say") == 3
 
 

@@ -58,7 +58,7 @@ def verdict_of(recordings, terms):
     accepted = tuple(Hypothesis(t, found, nothing.loss - found.loss) for t in terms)
     named = Named(accepted, tuple(("drag_rotor",) for _ in terms), space, found if terms else nothing, nothing.loss,
                   {"drag_linear": nothing.loss - found.loss, "wind": 70.0, "mass": 3.0},
-                  {"wind": "wind changes less than the logging can feign"})
+                  {"wind": "wind changes less than errors of logging could"})
     decision = decide(recordings, moments, space, named)
     return Verdict.of(recordings, SIMULATOR, moments, decision, prove(moments, decision, SIMULATOR), 1.0)
 
@@ -87,7 +87,7 @@ def test_every_section_is_there_with_what_was_found(page, verdict):
     text = without_scripts(page)
     assert verdict.body["outcome"] == "named"
     assert "drag_rotor" in text  # what it cannot be told from
-    assert "wind changes less than the logging can feign" in text
+    assert "wind changes less than errors of logging could" in text
     assert "no motor stream" in text
     assert "2 of 2" in text  # flights with the fault
     for picture in ("whole", "spans", "rms", "timeline", "share", "covariates", "room", "by_flight", "scores",

@@ -78,6 +78,6 @@ def test_one_that_is_wrong_is_set_right_and_taken(named):
 
 def test_what_cannot_be_judged_is_not_refitted(named):
     moments, decision, proof = named
-    assert "nothing was named" in refit(moments, replace(decision, findings=()), proof)
+    assert "no effect was identified" in refit(moments, replace(decision, findings=()), proof)
     assert "one flight alone" in refit(moments, decision, replace(proof, held_out=False))
-    assert "each has a value" in refit(moments, replace(decision, own=("mass",)), proof)
+    assert "per-flight value" in refit(moments, replace(decision, own=("mass",)), proof)

@@ -49,9 +49,9 @@ def test_a_swing_of_the_stated_size_is_found_and_far_smaller_ones_are_not(usual,
 
 def test_the_sentence_has_size_axis_band_and_string(stated):
     text = say(stated)
-    for words in ("m/s^2", "to the left and right", "mN", "0.5 to 1.4 Hz", "a string of 0.13 to 0.99 m"):
+    for words in ("m/s^2", "to the left and right", "mN", "0.5 to 1.4 Hz", "strings of 0.13 to 0.99 m"):
         assert words in text
-    assert "cannot be asked" in say({"minimum_detectable": None, "why": "no tilt"})
+    assert "cannot be detected" in say({"minimum_detectable": None, "why": "no tilt"})
     assert say(None) == ""
 
 
@@ -60,7 +60,7 @@ def test_what_cannot_be_seen_has_no_size(usual):
                   np.full(2, np.nan), 0.0)
     assert "these flights" in smallest_swing([blind], usual, MASS_KG)["why"]
     assert "normal flights" in smallest_swing(usual[:1], [blind], MASS_KG)["why"]
-    assert "there are none" in smallest_swing(usual[:1], [], MASS_KG)["why"]
+    assert "none were given" in smallest_swing(usual[:1], [], MASS_KG)["why"]
 
 
 def test_the_window_is_that_of_a_sum():

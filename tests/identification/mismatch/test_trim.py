@@ -48,7 +48,7 @@ def test_a_battery_that_stands_still_leaves_shares():
     found = trim(hover("a", (0.0, 0.0, 0.1, 0.0), battery_V=None))
     assert not found.known_lift
     assert np.isnan(found.battery_V)
-    assert any("stands still" in note for note in found.notes)
+    assert any("is constant" in note for note in found.notes)
 
 
 def test_json_keeps_everything():

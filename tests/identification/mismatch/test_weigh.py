@@ -137,7 +137,7 @@ def test_what_acts_alike_is_named_together():
     (finding,) = verdict["findings"]
     assert finding["cause"] is None
     assert {"mass", "battery"} <= set(finding["causes"]) <= {"mass", "battery", "weight"}
-    assert "cannot tell" in verdict["paragraph"]
+    assert "cannot distinguish" in verdict["paragraph"]
 
 
 def neighbours(share_1, share_2):

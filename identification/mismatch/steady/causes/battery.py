@@ -17,8 +17,8 @@ def make(body: Body) -> list[Hypothesis]:
 
 
 def say(sizes: Sizes, motors: Sequence[int]) -> str:
-    return f"All four motors are asked for alike more by {interval(sizes['change'], 1, '%')}: thrust against voltage " \
-           "is not what it was"
+    return f"All four motors are commanded more alike, by {interval(sizes['change'], 1, '%')}: thrust depends on the " \
+           "voltage otherwise than before"
 
 
 PRIOR = 0.025
