@@ -203,12 +203,14 @@ def nuisances_of(adapt: str) -> tuple[Nuisance, ...]:
 
 
 def tidy(model: Model) -> Model:
-    """Lists of a fixed mean with that mean exactly, and terms left out that only the nuisances went through."""
+    """Lists of a fixed mean with that mean, but for values on a bound, and terms left out that only the nuisances went
+    through."""
     terms = model.as_dict()
     for term in model.terms:
         for parameter in (p for p in term.parameters if p.fixed_mean is not None and p.name in terms[term.name]):
             values = np.array(terms[term.name][parameter.name])
-            terms[term.name][parameter.name] = tuple(values / values.mean() * parameter.fixed_mean)
+            terms[term.name][parameter.name] = tuple(np.clip(values / values.mean() * parameter.fixed_mean,
+                                                             parameter.lower, parameter.upper))
     passed = terms_of((SCALE, *TILT), model.vehicle)
     return Model(model.vehicle, {name: values for name, values in terms.items() if passed.get(name) != values})
 

@@ -171,6 +171,12 @@ def test_gains_of_motors_have_mean_one_and_neutral_terms_go():
     assert "thrust_scale" not in model
 
 
+def test_a_gain_on_its_bound_is_a_model():
+    gains = {f"motor_imbalance.g[{k}]": value for k, value in enumerate((0.2, 1.26, 1.26, 1.281))}
+    model = tidy(true_model().with_parameters(gains))
+    assert min(model.values_of("motor_imbalance")["g"]) == 0.2
+
+
 def test_ablation_names_are_unique_and_classes_are_not_mixed():
     assert len({rung.name for rung in LADDER}) == len(LADDER)
     assert [rung.name for rung in LADDER if rung.information == "past"] == ["fit_observed"]
