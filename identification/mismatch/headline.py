@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
+from nanobench_tools.physics.term_words import in_words
+
 Good = Literal["yes", "no", "cannot say"]
 HOVER_M = 0.125
 """Error of position after half a second that an acceleration wrong by 1 m/s^2 makes: an integrator takes that out."""
@@ -20,13 +22,6 @@ LISTED = 3
 """Terms of a class that a headline lists."""
 WORSE = 1.1
 """Times the error before the correction, from which on a headline reports another quantity that became worse."""
-WORDS = {"com_offset": "centre of mass", "drag_linear": "linear drag", "drag_quadratic": "quadratic drag",
-         "drag_rotor": "rotor drag", "drag_torque": "moment of drag", "force_world": "constant force",
-         "frame_tilt": "tilt of the tracked body", "motor_imbalance": "unequal motors",
-         "rotor_gyro": "gyroscopic moment of the rotors", "rotor_reaction": "reaction of the rotors",
-         "thrust_pwm": "thrust by command", "thrust_rpm": "thrust by rotor speed",
-         "thrust_voltage": "thrust by battery voltage"}
-"""Terms whose names are not words."""
 QUANTITIES = {"velocity_m_s": "velocity", "attitude_rad": "attitude", "rate_rad_s": "rate"}
 USES = {"hover": "hover and position control", "mpc": "model-predictive control", "learning": "simulation for learning"}
 
@@ -105,11 +100,6 @@ def one_of(finding: Mapping[str, Any]) -> str:
     members = [in_words(term) for term in (finding["term"], *(finding.get("equivalent") or []))]
     rest = len(members) - LISTED
     return " or ".join([*members[:LISTED], *([f"{rest} other{'s' * (rest > 1)}"] if rest > 0 else [])])
-
-
-def in_words(term: str) -> str:
-    """``linear drag`` of ``drag_linear``."""
-    return WORDS.get(term, term.replace("_", " "))
 
 
 def _axes(finding: Mapping[str, Any], findings: Sequence[Mapping[str, Any]]) -> str:

@@ -62,24 +62,27 @@ class ThrustFormula(Result):
 
     def described(self, option: str = "") -> str:
         """``sentence``. option: the one that gives a mass, where none was given and the usual one is assumed."""
-        assumed = f" (assumed: give {option})" if option else ""
+        return " ".join(self.lines(option))
+
+    def lines(self, option: str = "") -> list[str]:
+        """``described`` as one line for the hover, and one a battery."""
         if not self.levels and not np.isfinite(self.voltage_V).all():
             full = "" if self.sagged_N is None else f"{newton(self.sagged_N)} per motor at full command. "
-            return f"{full}The rows have no voltage; do not use the formula with another battery"
+            return [f"{full}The rows have no voltage; do not use the formula with another battery"]
         if not self.levels:
             full = "" if self.sagged_N is None else (
                 f"{newton(self.sagged_N)} per motor at full command and {self.voltage_V[0]:.2f} V. ")
-            return (f"{full}Rows have {self.voltage_V[0]:.2f} to {self.voltage_V[1]:.2f} V, always the same at "
+            return [f"{full}Rows have {self.voltage_V[0]:.2f} to {self.voltage_V[1]:.2f} V, always the same at "
                     "the same command. They do not show how thrust depends on voltage: do not use the formula at other "
-                    "voltages")
-        parts = []
+                    "voltages"]
+        assumed = f" (assumed: give {option})" if option else ""
+        lines = [f"Hover of {1e3 * self.mass_kg:g} g{assumed} takes {newton(self.hover_N)} per motor."]
         for level in self.levels:
             hover = "no hover" if level.hover_pwm is None else f"hover at u = {level.hover_pwm:.3f}"
             beyond = "" if level.measured else ", extrapolated"
-            parts.append(f"{level.battery} battery ({level.voltage_V:.2f} V{beyond}): {hover}, "
-                         f"{newton(level.full_N)} at full command ({level.thrust_to_weight:.2f} x weight)")
-        return (f"Hover of {1e3 * self.mass_kg:g} g{assumed} takes {newton(self.hover_N)} per motor. "
-                + "; ".join(parts) + f". Rows have {self.voltage_V[0]:.2f} to {self.voltage_V[1]:.2f} V.")
+            lines.append(f"{level.battery.capitalize()} battery ({level.voltage_V:.2f} V{beyond}): {hover}, "
+                         f"{newton(level.full_N)} at full command ({level.thrust_to_weight:.2f} x weight).")
+        return [*lines, f"Rows have {self.voltage_V[0]:.2f} to {self.voltage_V[1]:.2f} V."]
 
 
 def newton(force_N: float) -> str:

@@ -25,6 +25,7 @@ from nanobench_tools.tables.quantities import DASH
 from nanobench_tools.version import __version__
 
 from .error_rows import ErrorRow, InverseTable, Points
+from .map_words import in_words
 from .thrust_formula import MEANING
 from .thrust_result import FlightResult, Series, StandResult, ThrustResult
 
@@ -55,8 +56,8 @@ def part(kind: str, mine: StandResult | FlightResult, rows: Sequence[ErrorRow], 
     chosen = mine.chosen
     drawn = figures(kind, mine)
     lead = {"map": drawn.pop("map")} if "map" in drawn else {}
-    return {"kind": kind, "title": SECTIONS[kind], "best": mine.best, "split": mine.split, "unit": unit,
-            "words": words(kind, mine, rows), "rows": [_row(r, factor, digits, mine.best) for r in rows],
+    return {"kind": kind, "title": SECTIONS[kind], "best": mine.best and in_words(mine.best), "split": mine.split,
+            "unit": unit, "words": words(kind, mine, rows), "rows": [_row(r, factor, digits, mine.best) for r in rows],
             "parameters": [_parameter(name, value) for name, value in mine.parameters.get(mine.best or "", {}).items()],
             "series": [_series(s) for s in getattr(mine, "series", ())],
             "inverse": None if chosen is None else _inverse(chosen.inverse),
@@ -78,7 +79,7 @@ def figures(kind: str, mine: StandResult | FlightResult) -> dict[str, Drawing]:
     rows = "Marks: rows of the series, thrust per motor." if kind == "stand" else "Motors warm, hovering."
     seen = _points(chosen.points, lambda p: p.pwm, lambda p: [1e3 * t for t in p.measured]) if kind == "stand" else []
     found: dict[str, Drawing] = {"map": Figure(
-        f"The chosen map, {mine.best}", f"Lines: thrust of one motor at battery voltages. {rows}",
+        f"The chosen map, {in_words(str(mine.best))}", f"Lines: thrust of one motor at battery voltages. {rows}",
         [Panel(Axis("PWM ratio", "1"), Axis("thrust of one motor", "mN"), [*lines, *seen], height=420, wide=True)])}
 
     def left(p: Points) -> list[float]:
@@ -123,12 +124,12 @@ def words(kind: str, mine: StandResult | FlightResult, rows: Sequence[ErrorRow])
     factor, unit, digits = UNITS[kind]
     best, chosen = mine.best, mine.chosen
     if best is None or chosen is None:
-        return ["No map is a result: " + "; ".join(f"{n}: {why}" for n, why in mine.no_result.items()) + "."]
+        return ["No map is a result: " + "; ".join(f"{in_words(n)}: {why}" for n, why in mine.no_result.items()) + "."]
     named = {(r.model, r.split): r for r in rows if r.clock == getattr(mine, "clock", "")}
     split = "test" if (best, "test") in named else "train"
-    text = [f"Chosen: {best}, by training files that were held out in turn "
+    text = [f"Chosen: {in_words(best)}, by training files that were held out in turn "
             f"({factor * mine.held_out_rms[best]:.{digits}f} {unit})."]
-    compared = [f"{name.replace('_', ' ')} {factor * named[name, split].rms:.{digits}f}"
+    compared = [f"{in_words(name)} {factor * named[name, split].rms:.{digits}f}"
                 for name in (best, "thrust_voltage", "thrust_pwm", "firmware_2_1_plus", "scaled_2_1_plus",
                              "scaled_2_1_plus_balanced", "firmware_legacy")
                 if (name, split) in named]
@@ -146,7 +147,7 @@ def words(kind: str, mine: StandResult | FlightResult, rows: Sequence[ErrorRow])
 
 def _row(row: ErrorRow, factor: float, digits: int, best: str | None) -> dict[str, Any]:
     interval = "" if row.ci95 is None else " .. ".join(f"{factor * x:.{digits}f}" for x in row.ci95)
-    return {"model": row.model, "best": row.model == best, "split": row.split, "clock": row.clock,
+    return {"model": in_words(row.model), "best": row.model == best, "split": row.split, "clock": row.clock,
             "rms": f"{factor * row.rms:.{digits}f}", "interval": interval, "n": row.n,
             "files": row.files, "bias": f"{factor * row.bias:+.{digits}f}",
             "coverage": DASH if row.coverage95 is None else f"{100 * row.coverage95:.0f}",

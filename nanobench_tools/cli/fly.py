@@ -152,9 +152,8 @@ def _fly(options: Options, request: Request) -> int:
     options.say(f"loop: {loop['ticks']} ticks, {loop['missed']} deadlines missed; begin p50 {loop['begin_p50_ms']:.2f} "
                 f"p99 {loop['begin_p99_ms']:.2f} ms late, controller p50 {loop['call_p50_ms']:.2f} p99 "
                 f"{loop['call_p99_ms']:.2f} ms")
-    if math.isfinite(result.tracking.rmse_m):
-        options.say(f"tracking error on the path: RMSE {100.0 * result.tracking.rmse_m:.1f} cm, largest "
-                    f"{100.0 * result.tracking.largest_m:.1f} cm, by the poses of the flight")
+    error = f", RMSE {100.0 * result.tracking.rmse_m:.1f} cm and at most {100.0 * result.tracking.largest_m:.1f} cm " \
+            "from the path by its poses" if math.isfinite(result.tracking.rmse_m) else ""
     page: Path | None = None
     if result.recording is not None:
         body = replace(body, recording=say_export(options, result.recording))
@@ -163,7 +162,7 @@ def _fly(options: Options, request: Request) -> int:
         options.say(f"the raw recording is in {result.raw}; nanobench record --export makes a recording of it")
     stop = outcome.stop
     early = "ended early" if stop is not None and stop.rule in MAY_FALL else "landed early"
-    said = f"{request.pilot.name}, {request.spec.trajectory_id}: " + (f"{early}: {stop}" if stop else "flown")
+    said = f"{request.pilot.name}, {request.spec.trajectory_id}: " + (f"{early}: {stop}" if stop else "flown") + error
     if page is not None:
         close(options, said, "its page", *shown_page(page))
     elif body.recording is not None:

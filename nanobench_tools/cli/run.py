@@ -132,7 +132,7 @@ def _screen_of(options: Options, body: Result | Mapping[str, object], content: M
         return [*control_screen(options, body), f"Task 2{label}. {controlled(body)}"]
     if isinstance(body, SysidBody):
         recorded = {**content, "rows": [row for row in content["rows"] if row["clock"] == content["clock"]]}
-        return [sysid_screen(recorded, options.synthetic)[0], f"Task 1{label}. {predicted(body)}"]
+        return [sysid_screen(recorded, options.synthetic), f"Task 1{label}. {predicted(body)}"]
     return []
 
 

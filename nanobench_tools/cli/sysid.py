@@ -19,6 +19,7 @@ from ..steps.options import Options
 from ..steps.result_bodies import ClockModels, SysidBody
 from ..steps.sentences import predicted
 from ..steps.show import data_word, rich_table, sessions_text, show_left_out, show_ratios
+from ..tables.method_names import fit_in_words
 from ..time_offsets.moving.votes import AS_RECORDED, evidence_of
 from .closing import close, close_scores, same, shortened
 from .shared_options import PATH, no_paths_beside, shared_options
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from ..protocols.task1 import PredictionRow, Split
 
 DEFAULT_METHODS = ("naive", "published_physics", "published_physics_ratio2")
-NOTE = 400
+NOTE = 330
 """Characters of the note on the exported file that are shown on the screen; --verbose shows all."""
 STARTS_SENTENCE = ("Starts: centred has the stored velocity, which uses poses 50 ms ahead, and rows that the recorder "
                    "interpolated up to the next packet. Past has a velocity of poses up to the start. It also uses "
@@ -113,9 +114,9 @@ def sysid(options: Options, methods: tuple[str, ...], only: bool, train: tuple[P
     body = sysid_body(options, flights, audits, predictors, parts, wanted, vehicle,
                       epochs=epochs if learned else None, published=learned != "own", recorded=recorded, priors=known)
     found, note = to_json(body), body.models.simulator_note
-    tables, parameters = sysid_screen(found, options.synthetic), vehicle_tables(found)
-    screen, detail = ([*tables, *more, *filter(None, [text])]
-                      for more, text in ((parameters[:1], shortened(note, NOTE)), (parameters, note)))
+    table, parameters = sysid_screen(found, options.synthetic), vehicle_tables(found)
+    screen = [table, *parameters[:1], *filter(None, [shortened(note, NOTE)])]
+    detail = [table, f"Split: {body.split}.", *parameters, *filter(None, [note])]
     if options.out is not None and body.models.simulator is not None:
         options.data = tuple(test) or options.data
         close(options, predicted(body), "where this model is wrong", "nanobench", "diagnose", *same(options),
@@ -238,8 +239,9 @@ def trade(rows: Sequence[PredictionRow], exported: str, best: str | None) -> str
                                                                found[SIMULATOR].command_response) if answer is not None]
     weaker = f"; its response to a roll command is {rolls[0] / rolls[1]:.2f} of the vehicle's" if (
         len(rolls) == 2 and rolls[1]) else ""
-    return (f"Exported is {exported}, a physical vehicle: off by {errors(SIMULATOR)} after half a second without a "
-            f"controller. {best} predicted the training flights best ({errors(best)}){weaker}.")
+    return (f"simulator.toml is a physical vehicle: off by {errors(SIMULATOR)} after half a second without a "
+            f"controller. {fit_in_words(best).capitalize()} predicted the training flights best "
+            f"({errors(best)}){weaker}.")
 
 
 def _show(options: Options, rows: Sequence[PredictionRow], chosen: Split) -> None:

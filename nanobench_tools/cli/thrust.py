@@ -90,51 +90,55 @@ def _write(options: Options, out: Path, found: ThrustResult, flights: Sequence[F
 
 def _given(part: Part) -> dict[str, str]:
     """What predictions are made from -> the models that have it."""
-    found: dict[str, list[str]] = {}
+    from identification.thrust.map_words import in_words
+
+    found: dict[str, dict[str, None]] = {}
     for row in part.rows:
-        if row.given and row.model not in found.setdefault(row.given, []):
-            found[row.given].append(row.model)
-    return {given: ", ".join(names) for given, names in found.items()}
+        if row.given:
+            found.setdefault(row.given, {})[in_words(row.model)] = None
+    return {given: "; ".join(names) for given, names in found.items()}
 
 
 def maps_screen(options: Options, part: Part, assumed: str = "") -> list[Table | str]:
-    """Every map on rows held out, then the formula of the chosen one. assumed: see ``formula``."""
+    """The formula of the chosen map, what it gives, then every map on rows held out. assumed: see ``formula``."""
     unit = UNITS[part.kind][0]
     rows = sorted([row for row in part.rows if row.split == "test"] or part.rows,
                   key=lambda row: row.model != part.result.best)
-    width = {True: "in 95 % interval", False: ""}[any(row.coverage95 is not None for row in rows)]
-    heads = ("map", f"RMS {unit}", "95 %", "files", *filter(None, [width]), "status")
+    heads = ("map", f"RMS {unit}", "95 %", "files", "inside 95 %", "status")
+    kept = [i for i in range(len(heads)) if any(_cells(row, part)[i] != "-" for row in rows)]
     note = short_note(rows) if part.found.flown else short_note(rows).replace("one flight", "one file")
     table = Table.plain(
         f"Thrust from {part.kind}s, {data_word(options)} data, rows of "
         + ("files" if max(row.files for row in rows) > 1 else "pieces of the file") + " that were "
-        + ("held out" if rows[0].split == "test" else "fitted to"), heads,
-        [tuple(cell for cell, head in zip(_cells(row, part), ("map", heads[1], "95 %", "files", width, "status"),
-                                          strict=True) if head) for row in rows], note)
-    return [table, formula(part, assumed)]
+        + ("held out" if rows[0].split == "test" else "fitted to"), [heads[i] for i in kept],
+        [[_cells(row, part)[i] for i in kept] for row in rows], note)
+    return [*formula(part, assumed), table]
 
 
 def _cells(row: ErrorRow, part: Part) -> tuple[str, ...]:
+    from identification.thrust.map_words import in_words
+
     _, factor, digits = UNITS[part.kind]
-    return (row.model + ("*" if row.model == part.result.best else ""), f"{factor * row.rms:.{digits}f}",
+    return (in_words(row.model) + ("*" if row.model == part.result.best else ""), f"{factor * row.rms:.{digits}f}",
             "-" if row.ci95 is None else " .. ".join(f"{factor * x:.{digits}f}" for x in row.ci95), str(row.files),
             "-" if row.coverage95 is None else f"{100 * row.coverage95:.0f} %", row.status)
 
 
-def formula(part: Part, assumed: str = "") -> str:
+def formula(part: Part, assumed: str = "") -> list[str]:
     """The chosen map with its numbers and units, and its thrust at hover and at full command.
 
     assumed: option of the mass, where it was not given."""
+    from identification.thrust.map_words import in_words
     from identification.thrust.thrust_formula import MEANING
 
     result = part.result
     if result.best is None:
-        return "No map is a result: none predicts held-out rows better than a constant" + "".join(
-            f"; {name}: {why}" for name, why in result.no_result.items())
+        return ["No map is a result: none predicts held-out rows better than a constant" + "".join(
+            f"; {in_words(name)}: {why}" for name, why in result.no_result.items())]
     if result.chosen is None:
-        return result.best
+        return [in_words(result.best)]
     found = result.chosen.formula
-    return f"{result.best}: {found.text}. {MEANING}. {found.described(assumed)}"
+    return [f"Chosen map: {found.text}", MEANING, *found.lines(assumed)]
 
 
 def coefficients(part: Part) -> list[str]:
@@ -161,11 +165,12 @@ def maps_detail(options: Options, part: Part, assumed: str = "") -> list[Table |
         rows.append((name, row.clock, row.split, *numbers, str(row.n), files, inside, status))
     table = Table.plain(f"Thrust from {part.kind}s: {data_word(options)} data, RMS error of {what}, "
                         f"{part.result.split}", heads, rows, interval_note(part.rows))
-    return [table, formula(part, assumed), *coefficients(part), *_of_chosen(part), *_against_firmware(part.result)]
+    return [table, *formula(part, assumed), *coefficients(part), *_of_chosen(part), *_against_firmware(part.result)]
 
 
 def _of_chosen(part: Part) -> list[str]:
     """How the map was chosen, what it was given, how its intervals were drawn."""
+    from identification.thrust.map_words import in_words
     from identification.thrust.thrust_result import FlightResult
 
     result = part.result
@@ -176,7 +181,7 @@ def _of_chosen(part: Part) -> list[str]:
     files, why = len(part.found.train), part.found.why
     kind = "training flights in sessions" if part.found.flown else "stand series"
     drawn = f"95 % intervals of {files} {kind} drawn" + (f"; {why}" if why else "")
-    return [f"{result.best} was chosen by training files held out in turn "
+    return [f"{in_words(result.best)} was chosen by training files held out in turn "
             f"({factor * result.held_out_rms[result.best]:.{digits}f} {unit}); "
             f"95 % of a row of a new file within ± {factor * result.chosen.interval_half_width:.{digits}f} {unit}"
             + ("." if held is None else f" (contains {100 * held:.0f} % of training rows held out in turn)."),
@@ -188,6 +193,7 @@ def _of_chosen(part: Part) -> list[str]:
 def _against_firmware(result: StandResult | FlightResult) -> list[str]:
     """Compares the chosen map with the firmware's on held-out files; lists the series from which each stand series was
     predicted."""
+    from identification.thrust.map_words import in_words
     from identification.thrust.thrust_result import StandResult
 
     pairs = result.against_firmware
@@ -204,11 +210,11 @@ def _against_firmware(result: StandResult | FlightResult) -> list[str]:
         to = ", ".join(how.fitted_to) if how and how.fitted_to else "its own other PWM bands"
         if how and how.same_propeller and len(how.fitted_to) == 1:
             to += ", the only other one of its propeller"
-        basis = "" if how is None else f" ({how.best} fitted to {to}" + (
+        basis = "" if how is None else f" ({in_words(how.best)} fitted to {to}" + (
             "" if how.same_propeller is not False else ": none of the same propeller") + ")"
         lines.append(f"{p.file}: {factor * p.rms:.{digits}f} against {factor * p.firmware:.{digits}f} {unit}{basis}")
         own = how.own_bands if how and how.fitted_to else None
         if own and own.rms_N and own.firmware_N:
             lines.append(f"  from its own other PWM bands: {factor * own.rms_N:.{digits}f} against "
-                         f"{factor * own.firmware_N:.{digits}f} {unit} ({own.best})")
+                         f"{factor * own.firmware_N:.{digits}f} {unit} ({in_words(own.best)})")
     return lines

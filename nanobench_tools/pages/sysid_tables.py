@@ -3,7 +3,9 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from ..physics.term_words import in_words
 from ..protocols.sessions import short_note
+from ..tables.method_names import fit_in_words
 from ..tables.quantities import shown
 from ..tables.result_table import Cell, Column, Score, Table
 from .row_cells import (
@@ -31,6 +33,7 @@ from .row_cells import (
 )
 
 TASK1_GROUPS = ("all", "seen", "unseen")
+EXPORTED = "simulator.toml"
 MOSTLY = 0.5
 """Share of the prior from which on a parameter is called a prior."""
 
@@ -77,26 +80,25 @@ def task1(sysid: Mapping[str, Any], synthetic: bool) -> Table:
     return clock_in_place(drop_blank(table, "start"))
 
 
-def sysid_screen(sysid: Mapping[str, Any], synthetic: bool) -> list[Table | str]:
+def sysid_screen(sysid: Mapping[str, Any], synthetic: bool) -> Table:
     """Every model over all test flights from the published start, for one screen; of the position the interval, too.
-    The best model is the first row."""
+    The best model is the first row, then the exported vehicle."""
     best = sysid.get("best")
     rows = sorted((row for row in one_truth(sysid["rows"]) if row["group"] == "all"),
-                  key=lambda row: row["model"] != best)
+                  key=lambda row: (row["model"] != best, not row["model"].startswith(EXPORTED)))
     heads = {"position_mae_m": "position m", "velocity_mae_m_s": "velocity m/s", "attitude_mae_rad": "attitude rad",
              "rate_mae_rad_s": "rate rad/s"}
     lines: list[tuple[Cell, ...]] = []
     for row in rows:
         ends = row["ci95"]["position_mae_m"].get("50")
-        lines.append((row["model"] + " (no result)" * bool(row.get("trouble")), row["information"],
+        lines.append((fit_in_words(row["model"]) + " (no result)" * bool(row.get("trouble")), row["information"],
                       *(f"{row['metrics'][m]['50']:.4f}" for m in heads),
                       f"{ends[0]:.4f} .. {ends[1]:.4f}" if ends else "-"))
         if theirs := row.get("published"):
             lines.append(("  published", "", *(f"{theirs[m]['50']:.4f}" for m in heads), ""))
     title = (f"Task 1, {data_label(synthetic)} data: mean error after half a second, "
              f"{(n := len(sysid['test']))} test flight{'s' * (n != 1)}")
-    return [Table.plain(title, ("model", "given", *heads.values(), "95 % of position"), lines, short_note(rows)),
-            f"Split: {sysid['split']}."]
+    return Table.plain(title, ("model", "given", *heads.values(), "95 % of position"), lines, short_note(rows))
 
 
 def vehicle_tables(sysid: Mapping[str, Any]) -> list[Table | str]:
@@ -106,6 +108,7 @@ def vehicle_tables(sysid: Mapping[str, Any]) -> list[Table | str]:
     if fit is None:
         return []
     groups: dict[str, list[Mapping[str, Any]]] = {}
+    terms: dict[str, list[str]] = {}
     for name, entry in fit["parameters"].items():
         groups.setdefault(name.partition("[")[0], []).append(entry)
     lines: list[tuple[Cell, ...]] = []
@@ -117,12 +120,22 @@ def vehicle_tables(sysid: Mapping[str, Any]) -> list[Table | str]:
         lines.append((name, ", ".join(f"{entry['value']:.3g}" for entry in entries),
                       units[0] if len(units) == 1 else f"{units[0]} .. {units[-1]}",
                       percents[0] if len(set(percents)) == 1 else ", ".join(percents)))
+        terms.setdefault(name.partition(".")[0], []).append(name)
         if min(shares) > MOSTLY:
             mostly["prior alone" if min(shares) == 1.0 else "mostly prior"].append(name)
-    said = "; ".join(f"{what}: {', '.join(names)}" for what, names in mostly.items() if names)
+    said = "; ".join(f"{what}: {', '.join(_terms(names, terms))}" for what, names in mostly.items() if names)
     table = Table.plain("The exported vehicle", ("parameter", "value", "unit", "prior %"), lines,
                         "100: these flights cannot identify it, and its prior is kept.")
     return [*([f"Exported vehicle, {said}."] if said else []), table]
+
+
+def _terms(names: Sequence[str], terms: Mapping[str, Sequence[str]]) -> list[str]:
+    """Terms in words; of a term that has other parameters, too, which are meant."""
+    found = []
+    for term in dict.fromkeys(name.partition(".")[0] for name in names):
+        mine = [name.partition(".")[2] for name in terms[term] if name in names]
+        found.append(in_words(term) + f" ({', '.join(mine)})" * (len(mine) < len(terms[term])))
+    return found
 
 
 def task1_commands(sysid: Mapping[str, Any], synthetic: bool) -> Table:

@@ -92,12 +92,12 @@ SCREEN_METRICS = {"clean": ("ate_rmse_m", "rte_1m_m", "velocity_rmse_m_s", "atti
 
 def task3_screen(estimate: Mapping[str, Any], synthetic: bool) -> list[Table]:
     """One table a protocol for a terminal: all flights, or the published groups, as many metrics as say most. What
-    differs between rows has a column: protocol, group, clock, what methods were given."""
+    differs between rows has a column: protocol, group, clock, what methods were given. Published protocols are last."""
     protocols = dict.fromkeys(str(row["protocol"]) for row in estimate["rows"])
     sets = dict.fromkeys(tuple(p for p in protocols if p.startswith(PUBLISHED)) if name.startswith(PUBLISHED) else
                          (name,) for name in protocols)
     return [_screen_of([row for row in estimate["rows"] if row["protocol"] in names], names, synthetic)
-            for names in sets]
+            for names in sorted(sets, key=lambda names: names[0].startswith(PUBLISHED))]
 
 
 def _screen_of(rows: list[Mapping[str, Any]], names: Sequence[str], synthetic: bool) -> Table:

@@ -5,11 +5,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from ..tables.method_names import person
 from ..tables.quantities import format_duration, format_number, number, shown
 from .audit_entry import total
 from .row_cells import AS_RECORDED, clock_of, of_one_clock, one_truth
 from .task3_tables import logged_method
-from .words import PEOPLE, last_horizon, mean_of
+from .words import last_horizon, mean_of
 
 State = Literal["good", "warn", "bad", ""]
 FINE_SHARE = 0.9
@@ -74,7 +75,7 @@ def of_estimate(rows: Sequence[Mapping[str, Any]]) -> Tile | None:
     after = mean_of(((mine.get("retimed") or {}).get("metrics") or {}).get("ate_rmse_m"))
     if after is not None and clock_of(row) == AS_RECORDED:
         detail += f"; {_unit('ate_rmse_m', after)} with the clock re-timed"
-    return Tile(f"Position error, {PEOPLE.get(str(method), method)}", _unit("ate_rmse_m", value), detail, "", "where")
+    return Tile(f"Position error, {person(method)}", _unit("ate_rmse_m", value), detail, "", "where")
 
 
 def of_sysid(rows: Sequence[Mapping[str, Any]]) -> Tile | None:
@@ -88,7 +89,7 @@ def of_sysid(rows: Sequence[Mapping[str, Any]]) -> Tile | None:
     value, model, row = ranked[0]
     naive = next((v for v, name, _ in ranked if "naive" in name), None)
     flights = row.get("n_flights")
-    detail = f"{int(last) * 0.01:g} s ahead, n = {flights} flight{'s' * (flights != 1)}, {PEOPLE.get(model, model)}"
+    detail = f"{int(last) * 0.01:g} s ahead, n = {flights} flight{'s' * (flights != 1)}, {person(model)}"
     if naive is not None and naive > value:
         detail += f"; standing still: {_unit('ate_rmse_m', naive)}"
     return Tile("Prediction error, position", _unit("ate_rmse_m", value), detail, "", "physics")
@@ -107,7 +108,7 @@ def of_control(control: Mapping[str, Any]) -> Tile | None:
     value = None if most is None else mean_of(most["metrics"]["rmse_m"])
     if most is None or value is None:
         return None
-    pilot = PEOPLE.get(str(most.get("controller")), str(most.get("controller")))
+    pilot = person(most.get("controller"))
     path = " ".join(str(most[key]).replace("_", " ") for key in ("reference", "speed") if most.get(key))
     return Tile("Tracking error", _unit("ate_rmse_m", value), f"RMSE, {pilot}" + f", {path}" * bool(path)
                 + f", n = {most.get('n')}", "", "control")

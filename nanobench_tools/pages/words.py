@@ -5,6 +5,7 @@ from typing import Any
 
 from ..metrics.statistics import excludes_one
 from ..protocols.compare import verdict
+from ..tables.method_names import person
 from ..tables.quantities import format_duration, format_number, number, shown
 from ..time_offsets.moving.votes import CLOCKS
 from .audit_entry import fault_counts, lost_in_the_air, total
@@ -15,26 +16,15 @@ Results = Mapping[str, Mapping[str, Any]]
 Words = list[str | list[str]]
 """Paragraphs; a list among them is a list of points."""
 
-PEOPLE = {"pid": "PID", "mellinger": "Mellinger", "onboard_ekf": "onboard EKF", "naive": "standing still",
-          "fit_observed": "all terms, from all streams before", "fit_balanced": "all terms, from the inputs before",
-          "fit_thrust_voltage": "thrust from PWM and voltage", "published_physics": "published physics",
-          "published_physics_ratio2": "published physics, parameters as released",
-          "fit_vehicle": "a physical vehicle, which is exported"}
-"""Names as people write them."""
 MOSTLY = 0.8
 """An error of which re-timing leaves less than this share is largely a clock: a convention."""
 ALIKE = 0.05
 """Two values within this share of each other are called unchanged."""
 
 
-def _person(name: object) -> str:
-    """A method as people write it; its own name where it has no other."""
-    return PEOPLE.get(str(name), str(name))
-
-
 def _quoted(name: object) -> str:
-    """``_person``, in quotes where it is of several words."""
-    found = _person(name)
+    """``person``, in quotes where it is of several words."""
+    found = person(name)
     return f'"{found}"' if " " in found else found
 
 
@@ -90,7 +80,7 @@ def task1(results: Results) -> Words:
         best_value, best = ranked[0]
         naive = next((v for v, r in ranked if "naive" in str(r.get("model"))), None)
         on_clock = ", as recorded" if len({clock_of(r) for r in everything}) > 1 else ""
-        text = (f"Least position error at h = {last}{on_clock}: {_person(best.get('model'))} with "
+        text = (f"Least position error at h = {last}{on_clock}: {person(best.get('model'))} with "
                 f"{_show('position_mae_m', best_value)}")
         if naive is not None and best_value < naive:
             text += f", against {_show('position_mae_m', naive)} of a model that stands still"
@@ -123,7 +113,7 @@ def _retimed_task1(rows: Sequence[Mapping[str, Any]], last: str | None) -> Words
         before = scores.get((model, AS_RECORDED))
         if clock_of(row) == "retimed" and before and after:
             judgement = verdict(*(_at(row.get(key), last) for key in ("clock_ratio", "clock_ratio_ci95")))
-            points.append(f"{_person(model)}: position error at h = {last} is {_show('position_mae_m', before)} as "
+            points.append(f"{person(model)}: position error at h = {last} is {_show('position_mae_m', before)} as "
                           f"recorded and {_show('position_mae_m', after)} re-timed"
                           f"{f': {judgement}' if judgement else ''}.")
     return ["With the moving error of the clock taken out of the vehicle's streams (off-line, from the motion capture "
@@ -138,13 +128,13 @@ def _published_task1(row: Mapping[str, Any]) -> list[str]:
     ours = mean_of(((row.get("metrics") or {}).get("position_mae_m") or {}).get("50"))
     theirs = mean_of((published.get("position_mae_m") or {}).get("50"))
     if ours is not None and theirs is not None:
-        lines.append(f"{_person(row.get('model'))}: position error at h = 50 is {_show('position_mae_m', theirs)} in "
+        lines.append(f"{person(row.get('model'))}: position error at h = 50 is {_show('position_mae_m', theirs)} in "
                      f"the published table and {_show('position_mae_m', ours)} here ({_compared(theirs, ours)}).")
     first, tenth = velocity.get("1"), velocity.get("10")
     if first and tenth and "naive" not in str(row.get("model")):
         early, late = first / 0.01, tenth / 0.1
         if abs(early - late) <= 0.1 * early:
-            lines.append(f"{_person(row.get('model'))}: the published velocity error grows in proportion to time, by "
+            lines.append(f"{person(row.get('model'))}: the published velocity error grows in proportion to time, by "
                          f"{format_number(early, 1)} m/s² from the first step on, {format_number(early / 9.81, 2)} of "
                          "gravity. This is a constant error of the thrust, which a right thrust curve removes, and no "
                          "limit of physics.")
@@ -216,7 +206,7 @@ def published(results: Results) -> Words:
                   "corrected one has one unit and one sign."]
     real = of_one_clock(r for r in (results.get("control") or {}).get("rows") or []
                         if (r.get("plant") or "real") == "real")
-    points = [f"{PEOPLE.get(str(before.get('controller')), before.get('controller'))}: " + "; ".join(filter(None, (
+    points = [f"{person(before.get('controller'))}: " + "; ".join(filter(None, (
         _change(metric, before, after) for metric in
         ("rmse_m", "velocity_rmse_m_s", "heading_deg", "divergence_percent")))) + "."
         for before, after in _pairs_by_flights(real)]

@@ -114,6 +114,10 @@ def select(flights: Sequence[Flight], audits: Mapping[str, Audit], protocol: str
         fit = [f for f in fit if audits[f.name].controller in CONTROLLERS]
     fit = [f for f in fit if audits[f.name].controller not in UNNAMED]
     cases = [case for flight in fit for case in _cases(flight, audits[flight.name], protocol)]
+    if not cases and protocol == "as-published":
+        raise InputError(f"{len(flights)} recording{'s' * (len(flights) != 1)}",
+                         f"no whole flight of the published {' '.join(reversed(PUBLISHED))} under "
+                         f"{' or '.join(CONTROLLERS)}", "--protocol clean scores every path")
     if not cases:
         raise InputError(flights[0].provenance.path if flights else "data",
                          f"no flight of a known controller with motion capture, setpoint and motor streams for "

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from ..tables.method_names import fit_in_words
 from ..tables.quantities import format_number, shown
 
 if TYPE_CHECKING:
@@ -15,23 +16,32 @@ if TYPE_CHECKING:
 
 ESTIMATED = {"ate_rmse_m": "ATE", "end_error_5s_m": "error 5 s after the last pose", "drift_percent": "drift"}
 """The metric that stands for a protocol, the first that a row has -> its words; units are those of the tables."""
+PUBLISHED = "as-published"
+"""How the names of protocols begin that score as the published table does."""
 CLOCK_WORDS = {"as-recorded": "as recorded", "retimed": "re-timed", "offset": "with the constant offset removed",
                "joint": "on the joint clock"}
 
 
 def estimated(rows: Sequence[EstimateRow], rankings: Sequence[ClockRanking] = ()) -> str:
     """The smallest error of each protocol over all its flights, with its interval, among methods with the same inputs.
-    Also whether the choice depends on the clock."""
+    Also whether the choice depends on the clock.
+
+    Other clocks than the first, and the published protocol next to corrected ones, are left to the tables.
+    """
+    rows = [row for row in rows if row.clock == rows[0].clock]
+    rows = [row for row in rows if not row.protocol.startswith(PUBLISHED)] or rows
     found = []
-    for protocol, clock in dict.fromkeys((row.protocol, row.clock) for row in rows):
-        mine = [row for row in rows if (row.protocol, row.clock, row.group) == (protocol, clock, "all")]
-        mine = mine or [row for row in rows if (row.protocol, row.clock) == (protocol, clock)]
-        inputs = dict.fromkeys(row.inputs for row in mine)
-        parts = [part for given in inputs if (part := _smallest(
-            [row for row in mine if row.inputs == given], f" given {given}" * (len(inputs) > 1)))]
-        if parts:
-            when = "" if clock == "as-recorded" else f", {CLOCK_WORDS.get(clock, clock)}"
-            found.append(f"{protocol}{when}: {', '.join(parts)}")
+    for protocol in dict.fromkeys(row.protocol for row in rows):
+        of_protocol = [row for row in rows if row.protocol == protocol]
+        groups = dict.fromkeys(row.group for row in of_protocol)
+        for group in ["all"] if "all" in groups else groups:
+            mine = [row for row in of_protocol if row.group == group]
+            inputs = dict.fromkeys(row.inputs for row in mine)
+            parts = [part for given in inputs if (part := _smallest(
+                [row for row in mine if row.inputs == given], f" given {given}" * (len(inputs) > 1)))]
+            if parts:
+                when = "" if mine[0].clock == "as-recorded" else f", {CLOCK_WORDS.get(mine[0].clock, mine[0].clock)}"
+                found.append(f"{protocol}{f' {group}' * (group != 'all')}{when}: {', '.join(parts)}")
     return ". ".join([*found, *(sentence for one in rankings if (sentence := by_clock(one)))])
 
 
@@ -100,9 +110,10 @@ def predicted(body: SysidBody) -> str:
     alike = [other for other in rows if not other.trouble
              and (other.clock, other.truth, other.information) == (row.clock, row.truth, row.information)]
     least = min([row, *alike], key=_off_m)
-    but = "" if least is row else f"; smallest error on these flights: {least.model}, {_off_m(least):.3g} m"
+    but = "" if least is row else (
+        f"; smallest error on these flights: {fit_in_words(least.model)}, {_off_m(least):.3g} m")
     where = " on the training flights" if but else ""
-    return (f"best of class state{where}: {best}, off by {_off_m(row):.3g} m after half a second "
+    return (f"best of class state{where}: {fit_in_words(best)}, off by {_off_m(row):.3g} m after half a second "
             f"({_flights(row.n_flights)}){but}")
 
 

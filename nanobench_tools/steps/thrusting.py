@@ -22,12 +22,15 @@ UNITS = {"stand": ("mN per motor", 1e3, 2), "flight": ("m/s²", 1.0, 4)}
 
 def thrust_sentence(found: ThrustResult) -> str:
     """The chosen map, and how far off it is on files it was not fitted to."""
+    from identification.thrust.map_words import in_words
+
     part, kind = (found.flight, "flight") if found.flight is not None else (found.stand, "stand")
     if found.best is None or part is None:
         return "no map is a result"
     unit, factor, digits = UNITS[kind]
     files = {error.file for error in part.per_file}
-    return (f"best map: {found.best}, off by {factor * part.held_out_rms[found.best]:.{digits}f} {unit} (RMS) on "
+    off = factor * part.held_out_rms[found.best]
+    return (f"best map: {in_words(found.best)}, off by {off:.{digits}f} {unit} (RMS) on "
             + ("training files" if len(files) > 1 else "pieces of the only file") + " held out in turn")
 
 

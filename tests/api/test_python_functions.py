@@ -232,3 +232,15 @@ def test_a_sentence_has_the_unit_of_its_table():
     row = SimpleNamespace(protocol="aided", clock="as-recorded", group="all", inputs="poses", method="mine", n=2,
                           metrics={"ate_rmse_m": SimpleNamespace(mean=0.0274, ci95=(0.02, 0.031))})
     assert estimated([row]) == "aided: ATE 27.4 mm [20.0, 31.0] by mine (2 flights)"
+
+
+def test_the_sentence_leaves_the_published_protocol_to_the_tables_and_hides_none_of_its_groups():
+    def row(protocol, group, error, clock="as-recorded"):
+        return SimpleNamespace(protocol=protocol, clock=clock, group=group, inputs="poses", method="mine", n=1,
+                               metrics={"ate_rmse_m": SimpleNamespace(mean=error, ci95=None)})
+
+    published = [row("as-published", "Medium", 0.02), row("as-published", "Fast", 6.8)]
+    assert estimated(published) == ("as-published Medium: ATE 20.0 mm by mine (1 flight). "
+                                    "as-published Fast: ATE 6800.0 mm by mine (1 flight)")
+    assert estimated([*published, row("clean", "all", 0.03), row("clean", "all", 0.01, "retimed")]) == (
+        "clean: ATE 30.0 mm by mine (1 flight)")

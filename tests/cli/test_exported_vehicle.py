@@ -23,7 +23,7 @@ def row(model: str, error: float, answer: float | None, truth: str = "onboard"):
 def test_both_errors_and_the_answer_to_a_command_are_those_of_the_rows(answer, words):
     said = trade([row("best", 0.04, answer), row(SIMULATOR, 0.5, 2.0), row("best", 0.7, 1.0, "mocap"),
                   row(SIMULATOR, 0.9, 1.0, "mocap")], "vehicle", "best")
-    assert said.startswith("Exported is vehicle, a physical vehicle: off by 0.5 m,")
+    assert said.startswith("simulator.toml is a physical vehicle: off by 0.5 m,")
     assert said.endswith(words)
 
 

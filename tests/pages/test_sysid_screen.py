@@ -11,9 +11,9 @@ def test_the_best_model_is_the_first_row():
              "ci95": {"position_mae_m": {}}, "metrics": {metric: {"50": 0.1} for metric in METRICS}}
             for name in ("naive", "published_physics", "fit_balanced")]
     sysid = {"rows": rows, "test": ["a"], "split": "as given", "best": "fit_balanced"}
-    table, _ = sysid_screen(sysid, False)
-    names = [line.split()[0] for line in lines_of(table, 80)[-3:]]
-    assert names == ["fit_balanced", "naive", "published_physics"]
+    table = sysid_screen(sysid, False)
+    names = [line.split("  ")[0] for line in lines_of(table, 100)[-3:]]
+    assert names == ["all terms, from the inputs before", "naive", "published_physics"]
 
 
 def test_the_vehicle_is_shown_with_the_share_of_its_priors():
@@ -25,7 +25,7 @@ def test_the_vehicle_is_shown_with_the_share_of_its_priors():
         "inertia.inertia_kg_m2[1]": entry(1.66e-5, "kg m^2", 1.0),
         "yaw_torque.k_m": entry(0.0068, "m", 1.0)}}
     sentence, table = vehicle_tables({"fits": {"fit_full": {"thrust_spread": None}, "fit_vehicle": fit}})
-    assert sentence == "Exported vehicle, prior alone: yaw_torque.k_m; mostly prior: inertia.inertia_kg_m2."
+    assert sentence == "Exported vehicle, prior alone: yaw torque; mostly prior: inertia."
     assert table.rows[0] == ("inertia.inertia_kg_m2", "1.67e-05, 1.66e-05", "kg m^2", "76, 100")
     assert table.rows[1] == ("yaw_torque.k_m", "0.0068", "m", "100")
     assert vehicle_tables({"fits": {}}) == []

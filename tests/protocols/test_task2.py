@@ -58,7 +58,7 @@ def test_nothing_to_score_and_unknown_names():
     for audits in ({flight.name: verdict(flight, controller="unknown")}, {}):
         with pytest.raises(InputError, match=r"made\.csv: no flight of a known controller"):
             task2.select([flight], audits, "clean")
-    with pytest.raises(InputError, match="no flight"):
+    with pytest.raises(InputError, match="no whole flight of the published medium trefoil"):
         task2.select([flight], {flight.name: verdict(flight)}, "as-published")  # a circle
 
 

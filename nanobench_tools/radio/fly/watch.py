@@ -77,7 +77,7 @@ class Watch:
         from rich.table import Table
 
         link, errors = self._link, list(self._errors)
-        last = f"{100.0 * errors[-1]:.1f} cm" if errors and np.isfinite(errors[-1]) else "no set-point yet"
+        last = f"{100.0 * errors[-1]:.1f} cm" if errors and np.isfinite(errors[-1]) else "no set-point"
         trips = list(link.round_trips_s)
         table = Table.grid(padding=(0, 2))
         table.add_row("phase", f"{self._phase}, {self._time_s:.1f} s")
