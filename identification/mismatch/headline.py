@@ -71,6 +71,9 @@ def headline(body: Mapping[str, Any]) -> str:
         mended = "" if before is None or after is None else (
             f"; position error after 0.5 s {before:.3f} -> {after:.3f} m{where}{_became_worse(half)}")
         return f"The simulator is wrong about {names}{beside}{mended}."
+    if ratio := body.get("thrust_ratio"):
+        return (f"The simulator is of another vehicle: its thrust over mass is {ratio:.2g} times that of these "
+                "flights.")
     leaning = body.get("leaning") or {}
     if body["outcome"] == "none" and leaning:
         most = max(leaning, key=lambda t: leaning[t])

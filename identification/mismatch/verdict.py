@@ -11,6 +11,7 @@ import numpy as np
 
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.model import find_term
+from nanobench_tools.physics.term_words import in_words
 from nanobench_tools.physics.vocabulary import vocabulary
 from nanobench_tools.results.result import Result
 from nanobench_tools.settings import number
@@ -91,7 +92,7 @@ class Verdict(Result):
                 "flights. Check mass_kg and the thrust term, and their units. Smaller errors were not searched.")
         return cls({"outcome": "insufficient", "paragraph": text, "findings": [], "unknown": None,
                     "data_faults": data_faults(recordings), "power": {}, "improvement": None,
-                    "corrected_simulator": None, "elapsed_s": elapsed_s}, None)
+                    "corrected_simulator": None, "elapsed_s": elapsed_s, "thrust_ratio": ratio}, None)
 
     @classmethod
     def of(cls, recordings: Recordings, simulator: Model, moments: Moments, decision: Decision, proof: Proof,
@@ -257,10 +258,11 @@ def only_translation(body: Mapping[str, Any], recordings: Recordings) -> list[st
     if first.commanded:
         how = "in N, in equal parts: no thrust map is checked" if first.commanded == "N" else \
             "as a share of full, the same on each"
+        terms = ", ".join(in_words(e["term"]) for e in body["not_asked"] if e["why"] == WHY)
         return [f"Only translation was checked: the recordings contain a collective thrust command ({how}) and the "
-                f"measured attitude. {', '.join(e['term'] for e in body['not_asked'] if e['why'] == WHY)} {WHY}."]
+                f"measured attitude. {terms} {WHY}."]
     if first.forces_only:
-        unasked = ", ".join(e["term"] for e in body["not_asked"] if e["why"] == WHY_STILL)
+        unasked = ", ".join(in_words(e["term"]) for e in body["not_asked"] if e["why"] == WHY_STILL)
         return ["Only translation was checked, along the measured attitude: the simulator gives no angular "
                 f"acceleration. {unasked} {WHY_STILL}."]
     return []
@@ -289,10 +291,10 @@ def paragraph(body: Mapping[str, Any], recordings: Recordings, proof: Proof) -> 
         values = ", ".join(f"{name.partition('.')[2]} = {p['value']:.4g}" + f" {p['unit']}" * (p["unit"] != "1") +
                            f" (95 %: {p['ci95'][0]:.4g} to {p['ci95'][1]:.4g}; the simulator has {p['believed']:.4g})"
                            for name, p in entry["parameters"].items())
-        other = (f" These flights cannot distinguish it from {' or '.join(entry['equivalent'])}." if entry["equivalent"]
-                 else "")
+        alike = " or ".join(map(in_words, entry["equivalent"]))
+        other = f" These flights cannot distinguish it from {alike}." if alike else ""
         settle = f" To distinguish them: {entry['settle_with']}." if entry["settle_with"] else ""
-        parts.append(f"The simulator is wrong about {entry['term']}: {term.sentence} {values}. It shows in "
+        parts.append(f"The simulator is wrong about {in_words(entry['term'])}: {term.sentence} {values}. It shows in "
                      f"{', '.join(entry['where']['axes'])}, with {entry['confidence']:.0%} confidence.{other}{settle}")
     if body["levels"]:
         parts.append("Flights differ among themselves in " + ", ".join(

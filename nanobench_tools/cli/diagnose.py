@@ -227,13 +227,12 @@ def _write_page(options: Options, verdict: Verdict, recordings: Recordings) -> N
 def verdict_screen(options: Options, body: Mapping[str, Any]) -> list[Grid | str]:
     """The outcome, what the simulator is good for, what was found with its interval, predictions of flights left out;
     without a finding the paragraph."""
-    from identification.mismatch.headline import in_words, one_of, uses
+    from identification.mismatch.headline import one_of, uses
+
+    from ..physics.term_words import in_words
 
     word, found = data_word(options), body.get("improvement") or {}
-    paragraph = body["paragraph"]
-    for term in body.get("leaning") or ():
-        paragraph = paragraph.replace(f"{term} (", f"{in_words(term)} (")
-    rows = [(f"{entry['term']} {name.partition('.')[2]}", f"{p['believed']:.4g}", f"{p['value']:.4g}",
+    rows = [(f"{in_words(entry['term'])} {name.partition('.')[2]}", f"{p['believed']:.4g}", f"{p['value']:.4g}",
              f"{p['ci95'][0]:.4g} .. {p['ci95'][1]:.4g}", p["unit"], f"{entry['confidence']:.2f}")
             for entry in body["findings"] for name, p in entry["parameters"].items()]
     steps = [(f"{0.01 * int(h):.2f} s", *(_step(before, found[h]["after"][q])
@@ -247,11 +246,13 @@ def verdict_screen(options: Options, body: Mapping[str, Any]) -> list[Grid | str
             Grid.plain(f"Prediction of {len(left)} flights left out" if (left := found.get("held_out")) else
                        "Prediction of the same flights, none left out",
                        ("after", "position m", "velocity m/s", "attitude rad", "rate rad/s"), steps),
-            "" if rows else shortened(paragraph)]
+            "" if rows else shortened(body["paragraph"])]
 
 
 def _outcome(body: Mapping[str, Any]) -> str:
     """The outcome in capitals."""
+    if body.get("thrust_ratio"):
+        return "ANOTHER VEHICLE"
     return "NOTHING IDENTIFIED" if body["outcome"] == "none" else str(body["outcome"]).upper().replace("_", " ")
 
 
@@ -260,6 +261,8 @@ def _show(options: Options, body: Mapping[str, Any], verdict: Verdict) -> None:
     from rich.table import Table
 
     from identification.mismatch.headline import RULES, headline, uses
+
+    from ..physics.term_words import in_words
 
     word = data_word(options)
     options.detail(f"\n{word} data, {_outcome(body)}. {headline(body)}")
@@ -274,8 +277,9 @@ def _show(options: Options, body: Mapping[str, Any], verdict: Verdict) -> None:
         for column in ("term", "or", "confidence", "parameter", "simulator", "flights say", "95 %", "unit"):
             table.add_column(column, overflow="fold")
         for entry in body["findings"]:
+            others = ", ".join(map(in_words, entry["equivalent"]))
             for i, (name, p) in enumerate(entry["parameters"].items()):
-                lead = (entry["term"], ", ".join(entry["equivalent"]), f"{entry['confidence']:.2f}")
+                lead = (in_words(entry["term"]), others, f"{entry['confidence']:.2f}")
                 table.add_row(*(lead if i == 0 else ("", "", "")), name.partition(".")[2], f"{p['believed']:.5g}",
                               f"{p['value']:.5g}", f"{p['ci95'][0]:.5g} .. {p['ci95'][1]:.5g}", p["unit"])
         options.detail(table)

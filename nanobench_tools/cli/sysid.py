@@ -19,9 +19,9 @@ from ..steps.options import Options
 from ..steps.result_bodies import ClockModels, SysidBody
 from ..steps.sentences import predicted
 from ..steps.show import data_word, rich_table, sessions_text, show_left_out, show_ratios
-from ..tables.method_names import fit_in_words
+from ..tables.method_names import fit_in_words, quoted
 from ..time_offsets.moving.votes import AS_RECORDED, evidence_of
-from .closing import close, close_scores, same, shortened
+from .closing import close, close_scores, same
 from .shared_options import PATH, no_paths_beside, shared_options
 from .sysid_models import SIMULATOR, TRIMMED, Choice, Fits, choose, exported, fitted
 from .sysid_rows import rows_of
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from ..protocols.task1 import PredictionRow, Split
 
 DEFAULT_METHODS = ("naive", "published_physics", "published_physics_ratio2")
-NOTE = 330
-"""Characters of the note on the exported file that are shown on the screen; --verbose shows all."""
 STARTS_SENTENCE = ("Starts: centred has the stored velocity, which uses poses 50 ms ahead, and rows that the recorder "
                    "interpolated up to the next packet. Past has a velocity of poses up to the start. It also uses "
                    "gyro and onboard attitude of the newest row that had surely arrived, on the clock they were "
@@ -115,7 +113,10 @@ def sysid(options: Options, methods: tuple[str, ...], only: bool, train: tuple[P
                       epochs=epochs if learned else None, published=learned != "own", recorded=recorded, priors=known)
     found, note = to_json(body), body.models.simulator_note
     table, parameters = sysid_screen(found, options.synthetic), vehicle_tables(found)
-    screen = [table, *parameters[:1], *filter(None, [shortened(note, NOTE)])]
+    share = roll_share(body.rows, body.models.best)
+    weaker = "" if share is None else (f"The response of the first model to a roll command is {share:.2f} of that of "
+                                       f"{SIMULATOR}.")
+    screen = [table, *parameters[:1], *filter(None, [weaker])]
     detail = [table, f"Split: {body.split}.", *parameters, *filter(None, [note])]
     if options.out is not None and body.models.simulator is not None:
         options.data = tuple(test) or options.data
@@ -225,8 +226,6 @@ def _show_fits(options: Options, fits: Fits, choice: Choice) -> None:
 
 def trade(rows: Sequence[PredictionRow], exported: str, best: str | None) -> str:
     """By how much the exported vehicle and the best predictor differ after half a second; empty without both rows."""
-    from ..protocols.response import SHOWN_S
-
     found = {row.model: row for row in rows if (row.group, row.truth, row.start) == ("all", "onboard", "centred")}
     if exported == best or best not in found or SIMULATOR not in found:
         return ""
@@ -235,13 +234,24 @@ def trade(rows: Sequence[PredictionRow], exported: str, best: str | None) -> str
         metrics = found[model].metrics
         return ", ".join(f"{metrics[name]['50']:.3g} {heading.partition(' ')[2]}" for name, heading in SHOWN)
 
-    rolls = [answer.roll.after_s[SHOWN_S].answer for answer in (found[best].command_response,
-                                                               found[SIMULATOR].command_response) if answer is not None]
-    weaker = f"; its response to a roll command is {rolls[0] / rolls[1]:.2f} of the vehicle's" if (
-        len(rolls) == 2 and rolls[1]) else ""
+    share = roll_share(rows, best)
+    weaker = "" if share is None else f"; its response to a roll command is {share:.2f} of the vehicle's"
+    name = quoted(fit_in_words(best))
     return (f"simulator.toml is a physical vehicle: off by {errors(SIMULATOR)} after half a second without a "
-            f"controller. {fit_in_words(best).capitalize()} predicted the training flights best "
-            f"({errors(best)}){weaker}.")
+            f"controller. {name} predicted the training flights best ({errors(best)}){weaker}.")
+
+
+def roll_share(rows: Sequence[PredictionRow], best: str | None) -> float | None:
+    """Response of the best predictor to a roll command over that of the exported vehicle; None where one is unknown."""
+    from ..protocols.response import SHOWN_S
+
+    found = {row.model: row.command_response for row in rows
+             if (row.group, row.truth, row.start) == ("all", "onboard", "centred")}
+    answers = [found.get(str(name)) for name in (best, SIMULATOR)]
+    if best == SIMULATOR or any(answer is None for answer in answers):
+        return None
+    mine, vehicles = (answer.roll.after_s[SHOWN_S].answer for answer in answers if answer is not None)
+    return mine / vehicles if vehicles else None
 
 
 def _show(options: Options, rows: Sequence[PredictionRow], chosen: Split) -> None:

@@ -210,11 +210,11 @@ def _against_firmware(result: StandResult | FlightResult) -> list[str]:
         to = ", ".join(how.fitted_to) if how and how.fitted_to else "its own other PWM bands"
         if how and how.same_propeller and len(how.fitted_to) == 1:
             to += ", the only other one of its propeller"
-        basis = "" if how is None else f" ({in_words(how.best)} fitted to {to}" + (
+        basis = "" if how is None else f" ({in_words(str(how.best))} fitted to {to}" + (
             "" if how.same_propeller is not False else ": none of the same propeller") + ")"
         lines.append(f"{p.file}: {factor * p.rms:.{digits}f} against {factor * p.firmware:.{digits}f} {unit}{basis}")
         own = how.own_bands if how and how.fitted_to else None
         if own and own.rms_N and own.firmware_N:
             lines.append(f"  from its own other PWM bands: {factor * own.rms_N:.{digits}f} against "
-                         f"{factor * own.firmware_N:.{digits}f} {unit} ({in_words(own.best)})")
+                         f"{factor * own.firmware_N:.{digits}f} {unit} ({in_words(str(own.best))})")
     return lines

@@ -5,7 +5,7 @@ from typing import Any
 
 from ..metrics.statistics import excludes_one
 from ..protocols.compare import verdict
-from ..tables.method_names import person
+from ..tables.method_names import person, quoted
 from ..tables.quantities import format_duration, format_number, number, shown
 from ..time_offsets.moving.votes import CLOCKS
 from .audit_entry import fault_counts, lost_in_the_air, total
@@ -20,12 +20,6 @@ MOSTLY = 0.8
 """An error of which re-timing leaves less than this share is largely a clock: a convention."""
 ALIKE = 0.05
 """Two values within this share of each other are called unchanged."""
-
-
-def _quoted(name: object) -> str:
-    """``person``, in quotes where it is of several words."""
-    found = person(name)
-    return f'"{found}"' if " " in found else found
 
 
 def overview(results: Results) -> Words:
@@ -94,9 +88,9 @@ def _near(rows: Sequence[Mapping[str, Any]], last: str | None) -> list[str]:
     ends = {str(r.get("model")): _at(r.get("ratio_ci95"), last) for r in rows if r.get("ratio_to") == to}
     if to is None or not any(ends.values()):
         return []
-    near = [_quoted(name) for name, one in ends.items() if not excludes_one(one)]
-    smaller = [_quoted(name) for name, one in ends.items() if excludes_one(one) and one[1] < 1.0]
-    usual = _quoted(to)
+    near = [quoted(person(name)) for name, one in ends.items() if not excludes_one(one)]
+    smaller = [quoted(person(name)) for name, one in ends.items() if excludes_one(one) and one[1] < 1.0]
+    usual = quoted(person(to))
     same = (f"{', '.join(near)} cannot be distinguished from {usual}" if near else
             f"every other model differs from {usual}")
     less = f"; only {', '.join(smaller)} {'have' if len(smaller) > 1 else 'has'} less error" if smaller else ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ..tables.method_names import fit_in_words
+from ..tables.method_names import fit_in_words, quoted
 from ..tables.quantities import format_number, shown
 
 if TYPE_CHECKING:
@@ -111,9 +111,9 @@ def predicted(body: SysidBody) -> str:
              and (other.clock, other.truth, other.information) == (row.clock, row.truth, row.information)]
     least = min([row, *alike], key=_off_m)
     but = "" if least is row else (
-        f"; smallest error on these flights: {fit_in_words(least.model)}, {_off_m(least):.3g} m")
+        f"; smallest error on these flights: {quoted(fit_in_words(least.model))}, {_off_m(least):.3g} m")
     where = " on the training flights" if but else ""
-    return (f"best of class state{where}: {fit_in_words(best)}, off by {_off_m(row):.3g} m after half a second "
+    return (f"best of class state{where}: {quoted(fit_in_words(best))}, off by {_off_m(row):.3g} m after half a second "
             f"({_flights(row.n_flights)}){but}")
 
 

@@ -23,3 +23,8 @@ def fit_in_words(name: object) -> str:
     ('all terms, from the inputs before', 'naive')
     """
     return FITS.get(str(name), str(name))
+
+
+def quoted(words: str) -> str:
+    """In quotes where it is of several words."""
+    return f'"{words}"' if " " in words else words

@@ -101,6 +101,7 @@ def test_another_vehicle_gets_no_finer_answer(nanobench, recordings, tmp_path):
     found = verdict(nanobench, tmp_path, "--data", recordings, "--simulator", tmp_path / "heavy.toml")
     assert found["outcome"] == "insufficient"
     assert "of another vehicle" in found["paragraph"]
+    assert found["thrust_ratio"] == pytest.approx(0.1, rel=0.2)
 
 
 def test_swapped_recordings_are_told(nanobench, recordings, tmp_path):

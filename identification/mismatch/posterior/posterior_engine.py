@@ -13,6 +13,7 @@ from nanobench_tools.flight import Flight
 from nanobench_tools.harness.threads import one_thread
 from nanobench_tools.physics import Model
 from nanobench_tools.physics.model import find_term
+from nanobench_tools.physics.term_words import in_words
 
 from ..diagnosis import open_case, verdict_of_flights
 from ..equivalent import Equivalent
@@ -131,13 +132,13 @@ def _unknown(decision: Decision, left: Mapping[str, float], repeat: Repeat | Non
         between = [[f.term, *f.equivalent] for f in decision.left_open]
         return {"where": {"axes": list(axes), "kind": "effects", "flights": flights},
                 "bound_m_s2": 2.0 * max(f.size_m_s2 for f in decision.left_open), "between": between,
-                "hint": "; ".join(f"{' or '.join(terms)} ({f.size_m_s2:.2f} m/s^2 RMS)"
+                "hint": "; ".join(f"{' or '.join(map(in_words, terms))} ({f.size_m_s2:.2f} m/s^2 RMS)"
                                   for terms, f in zip(between, decision.left_open, strict=True))}
     if size <= MATTERS_M_S2 and repeat is None and not decision.hidden:
         return None
     most = repeat.group if repeat else max((g for g in left if g in WORDS), key=lambda g: left[g])
     hint = f"a force that goes with {WORDS[most]}, {size:.2f} m/s^2 RMS"
-    hint += "".join(f"; it may hide {term}: {why}" for term, why in decision.hidden.items())
+    hint += "".join(f"; it may hide {in_words(term)}: {why}" for term, why in decision.hidden.items())
     if repeat:
         hint += f"; known from other flights, it explains {100.0 * repeat.share:.0f} % of the slow force"
     return {"where": {"axes": ["force"], "kind": most, "flights": flights}, "bound_m_s2": 2.0 * size, "hint": hint,
@@ -198,12 +199,13 @@ def _paragraph(body: dict[str, Any], recordings: Recordings, improvement: Improv
         values = ", ".join(f"{n.partition('.')[2]} = {p['value']:.4g}{_after(p['unit'])} (95 %: {p['ci95'][0]:.4g} to "
                            f"{p['ci95'][1]:.4g}; the simulator has {p['believed']:.4g})"
                            for n, p in entry["parameters"].items())
-        other = f" Not distinguishable here from {' or '.join(entry['equivalent'])}." if entry["equivalent"] else ""
-        parts.append(f"The simulator is wrong about {entry['term']}: {find_term(entry['term']).sentence} {values}. "
-                     f"Probability {entry['confidence']:.2f}.{other}")
+        alike = " or ".join(map(in_words, entry["equivalent"]))
+        other = f" Not distinguishable here from {alike}." if alike else ""
+        parts.append(f"The simulator is wrong about {in_words(entry['term'])}: {find_term(entry['term']).sentence} "
+                     f"{values}. Probability {entry['confidence']:.2f}.{other}")
     if body["leaning"]:
         parts.append("Not sure enough to be identified: " + ", ".join(
-            f"{t} (probability {p:.2f})" for t, p in body["leaning"].items()) + ".")
+            f"{in_words(t)} (probability {p:.2f})" for t, p in body["leaning"].items()) + ".")
     if body["unknown"] and "between" in body["unknown"]:
         parts.append(f"Something is wrong, but these flights do not show which it is: {body['unknown']['hint']}.")
     elif body["unknown"]:

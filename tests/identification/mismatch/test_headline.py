@@ -73,3 +73,8 @@ def test_an_effect_that_may_be_hidden_is_mentioned_and_not_identified():
             "unknown": {"hides": ["thrust_voltage"]}}
     assert headline(body) == ("The simulator leaves out something: perhaps thrust by battery voltage, perhaps what no "
                               "term describes; position error after 0.5 s 0.100 m on 2 flights left out.")
+
+
+def test_a_simulator_of_another_vehicle_is_named_as_one():
+    assert headline({"outcome": "insufficient", "thrust_ratio": 0.0271}) == (
+        "The simulator is of another vehicle: its thrust over mass is 0.027 times that of these flights.")
