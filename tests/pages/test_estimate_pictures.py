@@ -17,7 +17,7 @@ def test_bands_come_by_flight_and_method():
     assert list(found.figures) == [("10 Hz: a", "one"), ("10 Hz: a", "two"), ("10 Hz: a, clock retimed", "one")]
     errors = [p.marks[1].y.tolist() for p in found.first.panels[1:]]
     np.testing.assert_allclose(errors, [[0.1, 0.4], [0.2, 0.5], [0.3, 0.6]], atol=3e-4)  # a step of the picture
-    assert "of this flight 0 % of the time" in found.first.note
+    assert "inside for 0 % of this flight" in found.first.note
     assert estimate_figures.bands({}) is None
 
 

@@ -333,5 +333,5 @@ def test_another_estimator_can_be_chosen_for_its_three_sigma(desk):
     before = page.page.get_attribute("#fig-bands", "data-drawn")
     page.page.locator("#fig-bands select").nth(1).select_option(label="two")
     assert page.page.get_attribute("#fig-bands", "data-drawn") != before
-    assert "all three axes" in page.page.inner_text("#fig-bands .note")
+    assert "All three axes" in page.page.inner_text("#fig-bands .note")
     assert page.ink("bands") > 5
