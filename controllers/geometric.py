@@ -1,7 +1,11 @@
-"""Geometric control on SE(3) (Lee, Leok, McClamroch 2010, doi:10.1109/CDC.2010.5717652) for the recorded vehicle.
+"""Geometric control on SE(3) for the recorded vehicle.
 
 The equations are the firmware's (``nanobench_tools.firmware.lee``) with the moment that it omits. This file has the
 numbers of the vehicle and gains for its slow motors.
+
+References
+----------
+Lee, Leok, McClamroch 2010, "Geometric tracking control of a quadrotor UAV on SE(3)", CDC, doi:10.1109/CDC.2010.5717652.
 """
 
 import math
@@ -70,6 +74,17 @@ class Geometric(Lee):
     """Geometric control on SE(3): full references in (position to jerk, yaw and its rate), motor PWM out, at 500 Hz.
 
     Torques for motors slower than LAG_S pass a lead, behind which a motor with ``lag_s`` follows like one with LAG_S.
+
+    Parameters
+    ----------
+    vehicle : Vehicle, optional
+        Mass, inertia and motor positions, SI; default: the recorded vehicle.
+    thrust_scale : float
+        Thrust of the motors over that of the firmware's curve.
+    gains : mapping, optional
+        Values of the gains below, by name.
+    lag_s : float
+        Time constant of the motors, s.
     """
 
     name = "geometric"

@@ -1,4 +1,4 @@
-"""The vehicle's own PID cascade, told every setpoint earlier by the delay it is known to have."""
+"""The vehicle's own PID cascade with setpoints that are sent earlier, by its known delay."""
 
 from collections.abc import Mapping
 
@@ -19,8 +19,15 @@ X, Y, VX, VY, ROLL, PITCH = 0, 1, 3, 4, 6, 7
 
 
 class LeadPid(PidCascade):
-    """The onboard PID, told position setpoints of ``lead_s`` later: whoever streams them shifts the path. What costs
-    nothing and needs no model; anything with a model has to beat it."""
+    """The onboard PID with position setpoints of ``lead_s`` later: the sender shifts the path.
+
+    This costs nothing and needs no model, so a controller with a model has to beat it.
+
+    Parameters
+    ----------
+    gains : mapping, optional
+        Values of the gains below, by name.
+    """
 
     name = "lead_pid"
     information = "lead"

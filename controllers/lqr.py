@@ -83,7 +83,24 @@ def gain(vehicle: Vehicle, gains: Mapping[str, float] | None = None, lag_s: floa
 
 
 class Lqr:
-    """Linear-quadratic regulator: full references in, motor PWM out, at 500 Hz. ``guard`` counts what was replaced."""
+    """Linear-quadratic regulator: full references in, motor PWM out, at 500 Hz.
+
+    Parameters
+    ----------
+    vehicle : Vehicle, optional
+        Mass, inertia and motor positions, SI; default: the recorded vehicle.
+    thrust_scale : float
+        Thrust of the motors over that of the firmware's curve.
+    gains : mapping, optional
+        Values of the gains below, by name.
+    lag_s : float
+        Time constant of the motors, s.
+
+    Attributes
+    ----------
+    guard : Guard
+        Counts replaced measurements, references and commands.
+    """
 
     name = "lqr"
     information = "preview"

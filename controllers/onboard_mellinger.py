@@ -1,6 +1,11 @@
-"""The vehicle's own Mellinger controller as rows: as it flew, and told all derivatives of the reference.
+"""The vehicle's own Mellinger controller: as it flew, and with all derivatives of the reference.
 
 The equations are in ``nanobench_tools.firmware``, where the practice flights use them too.
+
+References
+----------
+Mellinger, Kumar 2011, "Minimum snap trajectory generation and control for quadrotors", ICRA,
+doi:10.1109/ICRA.2011.5980409.
 """
 
 from collections.abc import Mapping
@@ -17,15 +22,27 @@ TUNABLE = {"mass": Gain(0.029, 0.025, 0.05, "kg"), "kp_xy": around(0.4, "N/m"), 
 
 
 class OnboardMellinger(Mellinger):
-    """The vehicle's own Mellinger controller: position setpoints in, motor PWM out, at 500 Hz. As released it
-    believes in 0.029 kg and hangs low."""
+    """The vehicle's own Mellinger controller: position setpoints in, motor PWM out, at 500 Hz.
+
+    As released it assumes 0.029 kg, so a heavier vehicle hangs low.
+
+    Parameters
+    ----------
+    parameters : ndarray, optional
+        The firmware's gains; default: as released.
+    """
 
     name = "onboard_mellinger"
 
 
 class MellingerFull(Mellinger):
-    """The vehicle's Mellinger controller, told velocity, acceleration, yaw rate and the rates that the jerk
-    asks for."""
+    """The vehicle's Mellinger controller with velocity, acceleration, yaw rate and the rates that follow from the jerk.
+
+    Parameters
+    ----------
+    gains : mapping, optional
+        Values of the gains below, by name.
+    """
 
     name = "mellinger_full"
     information = "preview"

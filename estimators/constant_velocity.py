@@ -1,4 +1,4 @@
-"""The estimator that goes on as it was going: a straight line from the last poses given."""
+"""Estimator that continues in a straight line from the last poses that were given."""
 
 import numpy as np
 
@@ -12,12 +12,29 @@ SLOPE_S = number("imu.constant_velocity.slope_s")
 
 
 class ConstantVelocity:
-    """Keeps the velocity (slope of the last SLOPE_S of poses) and the attitude it had when the poses ended."""
+    """Keep the last velocity (slope of the last SLOPE_S of poses) and the last attitude. It uses poses only."""
 
     name = "constant_velocity"
     causal = True
 
     def estimate(self, flight: Flight) -> Estimate:
+        """Estimate the trajectory of one flight.
+
+        Parameters
+        ----------
+        flight : Flight
+            Uses ``mocap``: position [m] and quaternion, world.
+
+        Returns
+        -------
+        Estimate
+            At the densest timestamps of the flight, with velocity.
+
+        Raises
+        ------
+        InputError
+            Without motion capture.
+        """
         mocap = flight["mocap"]
         time_s = densest_stamps(flight)
         given, position = mocap.time_s, mocap["px", "py", "pz"]

@@ -1,4 +1,4 @@
-"""The filter that is not told how late poses come: the offset between the poses' clock and the vehicle's is a state.
+"""Filter with an unknown delay of the poses: the offset between the poses' clock and the vehicle's is a state.
 
 A pose is compared with the position of the filter at that time, found by undoing the later integration of the IMU. The
 change of this comparison with the offset is the velocity (and, for the attitude, the rate) at that time.
@@ -18,8 +18,11 @@ OFFSET_SD_S = number("imu.delayed_pose_ekf.offset_sd_s")
 
 
 class DelayedPoseEkf(DragMatrixEkf):
-    """The filter that finds out how late poses come: the offset is a state. Ignores ``metadata["pose_delay_s"]``. Late
-    poses and early timestamps of the vehicle look alike: it takes the vehicle's timestamps for right."""
+    """``drag_matrix_ekf`` that estimates how late poses come.
+
+    It ignores ``metadata["pose_delay_s"]``. Late poses and early timestamps of the vehicle look alike: it takes the
+    vehicle's timestamps as right.
+    """
 
     name = "delayed_pose_ekf"
     settings: ClassVar = {**DragMatrixEkf.settings, "late_sd": OFFSET_SD_S, "late_moves": 0.0}

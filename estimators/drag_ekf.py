@@ -1,7 +1,12 @@
-"""Dead reckoning with all that gyro, accelerometer and the pattern of missing packets can say.
+"""Dead reckoning with gyro, accelerometer and the pattern of missing packets.
 
 Additions to ``error_state_ekf``: missing packets correct the timestamps, and the rest of their error is a state. The
 bias of the vertical accelerometer drifts as the board warms. Drag has a slow flow of the air as a state.
+
+References
+----------
+Leishman et al. 2014, "Quadrotors and accelerometers: State estimation with an improved dynamic model", IEEE Control
+Systems 34(1).
 """
 
 from typing import ClassVar

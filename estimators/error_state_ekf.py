@@ -2,8 +2,12 @@
 
 State: position, velocity (world), attitude, and biases of accelerometer and gyro. Also the small constant rotation
 from the IMU to the tracked body frame (``inertial_core``). A quadrotor's accelerometer measures no thrust across its
-rotor axis, only drag. Its x and y are therefore -k v (Leishman et al., "Quadrotors and accelerometers", IEEE Control
-Systems 2014).
+rotor axis, only drag. Its x and y are therefore -k v.
+
+References
+----------
+Leishman et al. 2014, "Quadrotors and accelerometers: State estimation with an improved dynamic model", IEEE Control
+Systems 34(1).
 """
 
 from typing import ClassVar

@@ -25,22 +25,33 @@ _FIRST_MS = 1000
 
 
 class FirmwareEkf:
-    """The vehicle's own Kalman filter, run again: core and 1 kHz task of firmware 2025.12.1, default noise settings
+    """The vehicle's own Kalman filter, run again: core and 1 kHz task of firmware 2025.12.1
     (``nanobench_tools.firmware.kalman``).
+
+    The logged estimate is not used. The filter starts at position and yaw of the first pose, level and at rest as the
+    firmware does. Beyond 10 m/s or 100 m it restarts there. It has no biases, and no drag unless it is given, as on
+    board.
 
     Inputs:
 
     - the poses in ``mocap``, each applied at its timestamp with no delay;
     - the recorded IMU, a row per 10 ms of the vehicle's samples at 1 ms. Samples between two rows are interpolated
-      linearly (``held``: a row applies until the next);
+      linearly;
     - the motors, for the flag "flying" (without them it flies from the start).
 
-    The logged estimate is not used. It starts at position and yaw of the first pose, level and at rest as the firmware
-    does. Beyond 10 m/s or 100 m it restarts there. ``parameters`` (1,) PARAMETERS: from their own start. ``changes``:
-    fields of them that differ from the defaults, such as ``drag_1_s``. ``pose_sd``: m and rad, the SD assumed for a
-    pose. No biases, and no drag unless it is given, as on board. The estimate at a row is the task's
-    output up to then, and moves at its 100 Hz. Rows of the IMU are placed on the nearest ms, poses and motors on the
-    next one, counted between rows.
+    The estimate at a row is the task's output up to then, and moves at its 100 Hz. Rows of the IMU are placed on the
+    nearest ms, poses and motors on the next one, counted between rows.
+
+    Parameters
+    ----------
+    parameters : ndarray, optional
+        (1,) PARAMETERS: the firmware's parameters with their own start state; default: the firmware's.
+    held : bool
+        A row of the IMU applies until the next, rather than by linear interpolation.
+    pose_sd : tuple of float
+        Assumed standard deviations of a pose: m and rad.
+    changes : mapping, optional
+        Fields of the parameters that differ from the defaults, such as ``drag_1_s``.
     """
 
     name = "firmware_ekf"
@@ -52,7 +63,23 @@ class FirmwareEkf:
         self.parameters, self.held, self.pose_sd, self.changes = parameters, held, pose_sd, dict(changes or {})
 
     def estimate(self, flight: Flight) -> Estimate:
-        """At the rows of the IMU from the first pose on. InputError without a pose, or without IMU after it."""
+        """Estimate the trajectory of one flight.
+
+        Parameters
+        ----------
+        flight : Flight
+            Uses ``imu``, the poses in ``mocap`` and, if there, ``motor``.
+
+        Returns
+        -------
+        Estimate
+            At the rows of the IMU from the first pose on.
+
+        Raises
+        ------
+        InputError
+            Without a pose, or without IMU after it.
+        """
         imu, mocap = flight["imu"], flight["mocap"]
         given = np.isfinite(mocap[POSE]).all(axis=1) & np.isfinite(mocap.time_s)
         pose_s, poses = mocap.time_s[given], mocap[POSE][given]

@@ -1,4 +1,4 @@
-"""The estimator that knows nothing: the last pose given, for ever."""
+"""Estimator that keeps the last pose that was given."""
 
 import numpy as np
 
@@ -9,12 +9,29 @@ from .report_times import densest_stamps
 
 
 class HoldPosition:
-    """Holds the last motion capture pose it was given; the floor that any estimator has to beat."""
+    """Keep the last pose of the motion capture: the floor that any estimator has to beat. It uses poses only."""
 
     name = "hold_position"
     causal = True
 
     def estimate(self, flight: Flight) -> Estimate:
+        """Estimate the trajectory of one flight.
+
+        Parameters
+        ----------
+        flight : Flight
+            Uses ``mocap``: position [m] and quaternion, world.
+
+        Returns
+        -------
+        Estimate
+            At the densest timestamps of the flight, with zero velocity.
+
+        Raises
+        ------
+        InputError
+            Without motion capture.
+        """
         mocap = flight["mocap"]
         time_s = densest_stamps(flight)
         last = np.clip(np.searchsorted(mocap.time_s, time_s, side="right") - 1, 0, None)

@@ -68,7 +68,19 @@ class Rows:
 
 
 class Inertial:
-    """An error-state Kalman filter; subclasses say ``name`` and what they set differently."""
+    """An error-state Kalman filter; subclasses set ``name`` and their settings.
+
+    Attributes
+    ----------
+    name : str
+        Registered name.
+    causal : bool
+        True: an estimate at t uses only data up to t.
+    settings : mapping
+        Changes to ``inertial_core.SETTINGS``, SI.
+    needs : tuple of str
+        Streams that it needs in addition to IMU and poses.
+    """
 
     name = "inertial"
     causal = True
@@ -80,8 +92,25 @@ class Inertial:
     keep_covariance = True
 
     def estimate(self, flight: Flight) -> Estimate:
-        """Raises InputError without IMU or a second of poses, and for a hole in the IMU. Also for units or axes that
-        the poses contradict, and without a stream that an aid of this row needs."""
+        """Estimate the trajectory of one flight.
+
+        Parameters
+        ----------
+        flight : Flight
+            Uses ``imu`` (gyro [rad/s] and specific force [m/s^2], body) and the poses in ``mocap``. ``metadata`` may
+            have ``pose_delay_s`` and ``pose_noise_m``.
+
+        Returns
+        -------
+        Estimate
+            At the rows of the IMU: position, velocity, attitude, covariance (n, 9, 9), and innovations of the poses.
+
+        Raises
+        ------
+        InputError
+            Without IMU, a second of poses, or a stream of ``needs``. Also for a hole in the IMU, and for units or axes
+            that the poses contradict.
+        """
         for stream, quantity in (("motor", "m1"), ("battery", "vbat")):
             if stream in self.needs and (stream not in flight or quantity not in flight[stream]):
                 raise InputError(flight.provenance.path, f"has no {stream} stream, which {self.name} needs",

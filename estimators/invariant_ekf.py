@@ -1,9 +1,13 @@
 """A right-invariant extended Kalman filter on the recorded IMU, with drag as velocity information.
 
-Error on SE_2(3) in the world frame, whose propagation depends on the estimate only through the biases. Sources: Barrau
-and Bonnabel, "The invariant extended Kalman filter as a stable observer" (IEEE TAC 2017). Hartley et al.,
-"Contact-aided invariant extended Kalman filtering for robot state estimation" (IJRR 2020). Biases are appended, and
-the small constant rotation from the IMU to the tracked frame, as in the error-state filter.
+Error on SE_2(3) in the world frame, whose propagation depends on the estimate only through the biases. Biases are
+appended, and the small constant rotation from the IMU to the tracked frame, as in the error-state filter.
+
+References
+----------
+- Barrau, Bonnabel 2017, "The invariant extended Kalman filter as a stable observer", IEEE Transactions on Automatic
+  Control 62(4).
+- Hartley et al. 2020, "Contact-aided invariant extended Kalman filtering for robot state estimation", IJRR 39(4).
 """
 
 from collections.abc import Mapping
@@ -34,7 +38,12 @@ class InvariantEkf:
     """Right-invariant filter of poses, gyro, accelerometer and drag.
 
     States: attitude, velocity, position, biases and the tracked frame. A late pose is used at the row of its arrival,
-    propagated with the filter's velocity and rate. ``settings``: as of the other inertial methods, if known here.
+    propagated with the filter's velocity and rate.
+
+    Attributes
+    ----------
+    settings : mapping
+        As of the other inertial methods, SI.
     """
 
     name = "invariant_ekf"
@@ -42,7 +51,24 @@ class InvariantEkf:
     settings: ClassVar[Mapping[str, float]] = setting("estimators.invariant_ekf.invariant_ekf")
 
     def estimate(self, flight: Flight) -> Estimate:
-        """InputError as of the other inertial rows."""
+        """Estimate the trajectory of one flight.
+
+        Parameters
+        ----------
+        flight : Flight
+            Uses ``imu`` and the poses in ``mocap``.
+
+        Returns
+        -------
+        Estimate
+            At the rows of the IMU, with covariance (n, 9, 9) and innovations of the poses; it ends where the filter is
+            lost.
+
+        Raises
+        ------
+        InputError
+            As of the other inertial methods.
+        """
         rows = rows_of(flight, radio=False)
         values = values_of(settings_of(self.settings, flight))
         n = len(rows.time_s)

@@ -62,8 +62,10 @@ class Weights:
 
 
 class LearnedVelocityEkf(Inertial):
-    """``drag_matrix_ekf`` with a velocity learned from IMU and motors in addition to drag. Needs the streams ``motor``
-    and ``battery``."""
+    """``drag_matrix_ekf`` with a velocity learned from IMU and motors in addition to drag.
+
+    It needs the streams ``motor`` and ``battery``.
+    """
 
     name = "learned_velocity_ekf"
     settings: ClassVar = {**TUNED, **OWN}

@@ -1,4 +1,4 @@
-"""The model that knows nothing: the state stands still."""
+"""The model without dynamics: the state does not change."""
 
 import numpy as np
 

@@ -42,12 +42,23 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 class NanobenchError(Exception):
-    """Base of every error that is the input's fault; the command line prints it as one line."""
+    """Base of every error that bad input causes; the command line prints it as one line."""
 
 
 class InputError(NanobenchError, ValueError):
-    """Bad input: ``place`` (file, column, row, key), what was found, what to do about it.
+    """A file, column, row or key is wrong.
 
+    Parameters
+    ----------
+    place : str
+        File, column, row, key.
+    found : str
+        The mistake that is there.
+    advice : str
+        What to do.
+
+    Examples
+    --------
     >>> str(InputError("flight.csv: column 'vbat', row 12", "text 'abc' where a number belongs", "mend the cell"))
     "flight.csv: column 'vbat', row 12: text 'abc' where a number belongs; mend the cell"
     """
@@ -66,7 +77,15 @@ class UsageError(NanobenchError, ValueError):
 
 
 class MissingExtraError(NanobenchError, ImportError):
-    """An optional package is not installed; says which extra brings it."""
+    """An optional package is not installed; the message has the command that installs it.
+
+    Parameters
+    ----------
+    package : str
+        The missing package.
+    extra : str
+        The extra of ``nanobench-tools`` that contains it.
+    """
 
     def __init__(self, package: str, extra: str) -> None:
         self.package, self.extra = package, extra

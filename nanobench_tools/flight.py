@@ -79,17 +79,35 @@ def motors_of(stream: Stream) -> tuple[str, ...]:
 
 @dataclass(frozen=True, order=True)
 class Span:
-    """A stretch of time [start_s, end_s] of a recording."""
+    """A stretch of time of a recording, ends included.
+
+    Attributes
+    ----------
+    start_s, end_s : float
+        s from the first row of the recording.
+    """
 
     start_s: float
     end_s: float
 
     @property
     def duration_s(self) -> float:
+        """``end_s - start_s``, s."""
         return self.end_s - self.start_s
 
     def mask(self, time_s: np.ndarray) -> np.ndarray:
-        """(n,) bool: which of ``time_s`` lie in the span, ends included."""
+        """Return which times lie in the span.
+
+        Parameters
+        ----------
+        time_s : ndarray
+            (n,) s from the first row of the recording.
+
+        Returns
+        -------
+        ndarray
+            (n,) bool, ends included.
+        """
         return (time_s >= self.start_s) & (time_s <= self.end_s)
 
 
@@ -132,8 +150,24 @@ def subtract_spans(a: Iterable[Span], b: Iterable[Span]) -> tuple[Span, ...]:
 class Fault:
     """One error in the data (or, for ``interpolated``, a useful fact).
 
-    ``size`` is in ``unit``; ``minimum_detectable`` is the smallest size that this check finds on this stream, in the
-    same unit. Both are nan where a size makes no sense. ``evidence`` is one sentence a person can check.
+    Attributes
+    ----------
+    kind : str
+        Name of the fault; the reference has a page of all kinds.
+    stream : str
+        Stream of the vocabulary; empty if it concerns the whole recording.
+    columns : tuple of str
+        Columns of the source that are affected.
+    start_s, end_s : float
+        Its span, s from the first row.
+    size : float
+        In ``unit``; nan where a size makes no sense.
+    unit : str
+        Of ``size`` and ``minimum_detectable``.
+    evidence : str
+        One sentence that a person can check.
+    minimum_detectable : float
+        The smallest size that this check finds on this stream, in ``unit``; nan as ``size``.
     """
 
     kind: str
@@ -148,6 +182,7 @@ class Fault:
 
     @property
     def span(self) -> Span:
+        """From ``start_s`` to ``end_s``."""
         return Span(self.start_s, self.end_s)
 
 
@@ -155,11 +190,28 @@ class Fault:
 class Stream:
     """Samples of one message of the vehicle or of the motion capture, on their own clock.
 
-    ``time_s`` (n,) s, non-decreasing unless a fault reports otherwise. ``values`` (n, k) SI. ``columns`` (k): the
-    source's names. ``quantities`` (k): their names in STREAM_QUANTITIES. ``unit`` (k): SI units. ``rate_hz``: the true
-    rate of the sensor. ``samples``: number of values that were really sent, without interpolated rows; None if unknown.
-    ``valid``: the spans without a known objection (None: everywhere). ``time_sd_s`` (n,): uncertainty of a corrected
-    time_s (None: timestamps as recorded).
+    Attributes
+    ----------
+    time_s : ndarray
+        (n,) s from the first row of the recording, non-decreasing unless a fault reports otherwise.
+    values : ndarray
+        (n, k) in SI units; nan where a value is missing.
+    columns : tuple of str
+        (k) names of the source.
+    quantities : tuple of str
+        (k) names in ``STREAM_QUANTITIES``.
+    unit : tuple of str
+        (k) SI units.
+    frame : str
+        ``world``, ``body``, ``motor`` or ``-``.
+    rate_hz : float
+        True rate of the sensor, Hz.
+    samples : int or None
+        Number of values that were really sent, without interpolated rows; None if unknown.
+    valid : tuple of Span or None
+        Spans without a known objection; None: everywhere.
+    time_sd_s : ndarray or None
+        (n,) s, uncertainty of a corrected ``time_s``; None: timestamps as recorded.
     """
 
     time_s: np.ndarray
@@ -190,7 +242,23 @@ class Stream:
         return name in self.quantities or name in self.columns
 
     def index(self, name: str) -> int:
-        """Column number of a quantity or of a source column; KeyError names what there is."""
+        """Return the column number of a quantity or of a source column.
+
+        Parameters
+        ----------
+        name : str
+            Such as ``px``, or as the source writes it.
+
+        Returns
+        -------
+        int
+            Column of ``values``.
+
+        Raises
+        ------
+        KeyError
+            For an unknown name; the message lists the known ones.
+        """
         if name in self.quantities:
             return self.quantities.index(name)
         if name in self.columns:
@@ -211,20 +279,59 @@ class Stream:
         return Span(float(self.time_s[0]), float(self.time_s[-1]))
 
     def rows(self, keep: np.ndarray) -> Stream:
-        """The rows where ``keep`` (n,) bool (or indices); samples are scaled by the share of rows kept."""
+        """Return some rows as a stream.
+
+        Parameters
+        ----------
+        keep : ndarray
+            (n,) bool, or indices of rows.
+
+        Returns
+        -------
+        Stream
+            ``samples`` is scaled by the share of rows that are kept.
+        """
         time_s = self.time_s[keep]
         samples = None if self.samples is None or not len(self) else round(self.samples * len(time_s) / len(self))
         sd = None if self.time_sd_s is None else self.time_sd_s[keep]
         return replace(self, time_s=time_s, values=self.values[keep], samples=samples, time_sd_s=sd)
 
     def during(self, spans: Span | Iterable[Span]) -> Stream:
-        """The rows inside ``spans``."""
+        """Return the rows inside spans.
+
+        Parameters
+        ----------
+        spans : Span or iterable of Span
+            s from the first row of the recording, ends included.
+
+        Returns
+        -------
+        Stream
+            On the same time axis.
+        """
         return self.rows(mask_of([spans] if isinstance(spans, Span) else spans, self.time_s))
 
     def interpolate(self, names: str | Sequence[str], at_s: np.ndarray) -> np.ndarray:
-        """Linear interpolation onto ``at_s`` (m,), ends held: (m,) for one name, (m, len(names)) for several.
+        """Interpolate linearly; beyond its ends a stream keeps its first and last values.
 
         Not for quaternions (``so3.interpolate``) and not for angles that wrap.
+
+        Parameters
+        ----------
+        names : str or sequence of str
+            Quantities or source columns.
+        at_s : ndarray
+            (m,) s from the first row of the recording.
+
+        Returns
+        -------
+        ndarray
+            (m,) for one name, (m, len(names)) for several, SI.
+
+        Raises
+        ------
+        KeyError
+            For an unknown name.
         """
         if isinstance(names, str):
             return np.asarray(np.interp(at_s, self.time_s, self[names]))
@@ -238,7 +345,17 @@ class Stream:
 
 @dataclass(frozen=True)
 class Assumption:
-    """The unit of a column that neither its name nor its numbers show; ``why`` it was taken."""
+    """The unit of a column that neither its name nor its numbers show.
+
+    Attributes
+    ----------
+    stream, column : str
+        Where it was assumed.
+    unit : str
+        The assumed unit.
+    why : str
+        The reason, as a sentence.
+    """
 
     stream: str
     column: str
@@ -250,9 +367,26 @@ class Assumption:
 class Provenance:
     """Origin of a flight.
 
-    ``findings``: faults seen while reading. ``notes``: sentences. clock_evidence: kinds of streams used to estimate the
-    clock of its timestamps, empty as recorded. ``assumptions``: units that the data do not show. ``added``: sentences
-    on columns that were computed or assumed after reading.
+    Attributes
+    ----------
+    path : str
+        The file, for messages.
+    sha256 : str
+        Hash of the content.
+    source : str
+        Name of the source that read it.
+    synthetic : bool
+        True for simulated flights.
+    findings : tuple of Fault
+        Faults seen while reading.
+    notes : tuple of str
+        Sentences of the reader.
+    clock_evidence : tuple of str
+        Kinds of streams that were used to estimate the clock of the timestamps; empty as recorded.
+    assumptions : tuple of Assumption
+        Units that the data do not show.
+    added : tuple of str
+        Sentences on columns that were computed or assumed after reading.
     """
 
     path: str
@@ -268,12 +402,23 @@ class Provenance:
 
 @dataclass(frozen=True, repr=False)
 class Flight:
-    """One recording. ``name`` only labels rows and never affects a decision.
+    """One recording.
 
     ``flight["imu"]`` is a stream, ``flight[2.0:6.0]`` the flight from 2 to 6 s, on the same time axis.
 
-    metadata contains the recording's sheet as found. Where known, it also has ``family`` (trajectory type),
-    ``speed`` (slow, medium, fast), ``reference_speed_m_s`` and ``repetition``.
+    Attributes
+    ----------
+    name : str
+        Labels rows and never affects a decision.
+    streams : mapping of str to Stream
+        By name in ``STREAM_QUANTITIES``; ``extra_NAME`` for other streams, which no task uses.
+    metadata : mapping
+        The recording's sheet as found. Where known, it also has ``family`` (trajectory type), ``speed`` (slow, medium,
+        fast), ``reference_speed_m_s`` and ``repetition``.
+    provenance : Provenance
+        Where it is from, and what was seen or assumed while reading.
+    epoch_s : float
+        Unix time of the first row, s.
     """
 
     name: str
@@ -325,22 +470,55 @@ class Flight:
         return Span(min(s.start_s for s in spans), max(s.end_s for s in spans)) if spans else Span(0.0, 0.0)
 
     def to_pandas(self, rate_hz: float = 100.0) -> pd.DataFrame:
-        """All streams on one grid of ``rate_hz``: columns (stream.quantity, unit), nan outside a stream's own time.
+        """Return all streams on one grid.
 
-        Values between samples are drawn by straight lines, angles by the shorter way, quaternions by slerp;
-        ``stream.interpolated`` is 1 in rows further from any sample than half a step. InputError where no stream has
-        two rows.
+        Values between samples are interpolated linearly, angles by the shorter way, quaternions by slerp.
+
+        Parameters
+        ----------
+        rate_hz : float
+            Rows per second.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Index: s. Columns (stream.quantity, unit), nan outside a stream's own time. ``stream.interpolated`` is 1 in
+            rows further from any sample than half a step.
+
+        Raises
+        ------
+        InputError
+            Where no stream has two rows.
         """
         return one_grid(self.name, self.streams, rate_hz)
 
     @classmethod
     def from_pandas(cls, frames: Mapping[str, pd.DataFrame], units: Mapping[str, Mapping[str, str]] | None = None,
                     name: str = "flight", metadata: Mapping[str, Any] | None = None) -> Flight:
-        """A flight of DataFrames: ``{"mocap": df, ...}``, streams and quantities of ``STREAM_QUANTITIES``.
+        """Make a flight of DataFrames. Rows are unchanged: the audit finds timestamps that do not rise.
 
-        The index is seconds, timedeltas or dates; the earliest row becomes time zero. Units {stream: {quantity: unit}}
-        are ``deg``, ``g``, ``mV``, ``pwm16`` ... The default is the columns' second level, else SI. Rows are
-        unchanged: the audit finds timestamps that do not rise. Raises InputError with stream, column and row.
+        Parameters
+        ----------
+        frames : mapping of str to pandas.DataFrame
+            By stream, such as ``{"mocap": df}``; columns are quantities of ``STREAM_QUANTITIES``. The index is seconds,
+            timedeltas or dates; the earliest row becomes time zero.
+        units : mapping, optional
+            {stream: {quantity: unit}}, with units such as ``deg``, ``g``, ``mV``, ``pwm16``. The default is the
+            columns' second level, else SI.
+        name : str
+            Of the flight.
+        metadata : mapping, optional
+            As of ``Flight``.
+
+        Returns
+        -------
+        Flight
+            In SI units.
+
+        Raises
+        ------
+        InputError
+            With stream, column and row.
         """
         strange = next((s for s in {**frames, **(units or {})} if s not in STREAM_QUANTITIES), None)
         if strange is not None:
@@ -358,11 +536,33 @@ class Flight:
         return cls(name, streams, dict(metadata or {}), Provenance(name, content.hexdigest(), "pandas"), first)
 
     def with_streams(self, **streams: Stream) -> Flight:
-        """A copy with some streams replaced or added."""
+        """Return a copy with some streams replaced or added.
+
+        Parameters
+        ----------
+        **streams : Stream
+            By name.
+
+        Returns
+        -------
+        Flight
+            The other streams are shared.
+        """
         return replace(self, streams={**self.streams, **streams})
 
     def without_streams(self, *names: str) -> Flight:
-        """A copy without these streams; names that it does not have are ignored."""
+        """Return a copy without some streams.
+
+        Parameters
+        ----------
+        *names : str
+            Names that the flight does not have are ignored.
+
+        Returns
+        -------
+        Flight
+            The other streams are shared.
+        """
         return replace(self, streams={k: v for k, v in self.streams.items() if k not in names})
 
     def retimed(self, clock: str = "retimed", judged: Iterable[str] = ("position", "velocity")) -> Flight:
@@ -373,7 +573,18 @@ class Flight:
         return moved
 
     def during(self, spans: Span | Iterable[Span]) -> Flight:
-        """A copy in which every stream is cut to ``spans``; times stay seconds of the whole recording."""
+        """Return a copy in which every stream is cut to spans.
+
+        Parameters
+        ----------
+        spans : Span or iterable of Span
+            s from the first row, ends included.
+
+        Returns
+        -------
+        Flight
+            Times stay seconds of the whole recording.
+        """
         spans = [spans] if isinstance(spans, Span) else list(spans)
         return replace(self, streams={k: v.during(spans) for k, v in self.streams.items()})
 

@@ -19,12 +19,25 @@ from .flight import Flight
 class Estimate:
     """Estimated trajectory.
 
-    ``time_s`` (n,) s from the first row of the recording, rising; ``position_m`` (n, 3) world; ``quaternion`` (n, 4) x,
-    y, z, w body to world; ``velocity_m_s`` (n, 3) world or None.
-
-    Optional uncertainty: covariance (n, 3, 3) of the error of position, or (n, 6, 6) of position and velocity. With
-    attitude (rotation vector, body) it is (n, 9, 9); ``nis`` (m,) normalised squared innovations of its measurements,
-    each of nis_dof (m,) dimensions. ``converged``: False for an optimiser that gave up.
+    Attributes
+    ----------
+    time_s : ndarray
+        (n,) s from the first row of the recording, rising.
+    position_m : ndarray
+        (n, 3) m, world.
+    quaternion : ndarray
+        (n, 4) x, y, z, w, body to world.
+    velocity_m_s : ndarray or None
+        (n, 3) m/s, world.
+    covariance : ndarray or None
+        (n, 3, 3) of the error of position; (n, 6, 6) of position and velocity; (n, 9, 9) with attitude (rotation
+        vector, body), too. SI units squared.
+    nis : ndarray or None
+        (m,) normalised squared innovations of the estimator's measurements.
+    nis_dof : ndarray or None
+        (m,) number of dimensions of each.
+    converged : bool or None
+        False for an optimiser that gave up.
     """
 
     time_s: np.ndarray
@@ -70,9 +83,22 @@ class Estimator(Protocol):
 class Past:
     """All streams over the P rows before the start of n windows, row P - 1 one step before it.
 
-    position_m, velocity_m_s (n, P, 3) world; ``quaternion`` (n, P, 4) of the same source as the start; rate_rad_s and
-    specific_force_m_s2 (n, P, 3) body (nan without an accelerometer); ``motor`` (n, P, 4); ``battery_V`` (n, P);
-    ``rows`` (n,): number of flown rows, the first of which replaces missing ones.
+    Attributes
+    ----------
+    position_m, velocity_m_s : ndarray
+        (n, P, 3) m and m/s, world.
+    quaternion : ndarray
+        (n, P, 4) x, y, z, w, body to world, of the same source as the start.
+    rate_rad_s : ndarray
+        (n, P, 3) rad/s, body.
+    specific_force_m_s2 : ndarray
+        (n, P, 3) m/s^2, body; nan without an accelerometer.
+    motor : ndarray
+        (n, P, 4) PWM ratio.
+    battery_V : ndarray
+        (n, P) V.
+    rows : ndarray
+        (n,) number of flown rows; the first of them replaces missing ones.
     """
 
     position_m: np.ndarray
@@ -87,14 +113,26 @@ class Past:
 
 @dataclass(frozen=True)
 class Windows:
-    """A batch of n prediction windows of H rows, all at ``rate_hz``. Row 0 is the start, row j is j steps later.
+    """A batch of n prediction windows of H rows. Row 0 is the start, row j is j steps later.
 
-    - position_m, velocity_m_s (n, 3) world; quaternion (n, 4); rate_rad_s (n, 3) body: the start state.
-    - motor (n, H, 4) PWM ratio and battery_V (n, H): the inputs held over step j to j + 1.
-    - motor_past (n, P, 4) and battery_past (n, P): the same over the P rows before the start, or None. Where there
-      were fewer, the first is repeated.
-
-    ``past`` is given to predictors of class ``past`` alone.
+    Attributes
+    ----------
+    position_m, velocity_m_s : ndarray
+        (n, 3) m and m/s, world, at the start.
+    quaternion : ndarray
+        (n, 4) x, y, z, w, body to world, at the start.
+    rate_rad_s : ndarray
+        (n, 3) rad/s, body, at the start.
+    motor : ndarray
+        (n, H, 4) PWM ratio, held over step j to j + 1.
+    battery_V : ndarray
+        (n, H) V, held in the same way.
+    rate_hz : float
+        Rows per second.
+    motor_past, battery_past : ndarray or None
+        (n, P, 4) and (n, P): the same over the P rows before the start. Where there were fewer, the first is repeated.
+    past : Past or None
+        For predictors with ``information = "past"`` only.
     """
 
     position_m: np.ndarray
@@ -121,7 +159,14 @@ class Windows:
 class Prediction:
     """Predicted states 1..H steps after the start of n windows.
 
-    position_m, velocity_m_s (n, H, 3) world; quaternion (n, H, 4) x, y, z, w body to world; rate_rad_s (n, H, 3) body.
+    Attributes
+    ----------
+    position_m, velocity_m_s : ndarray
+        (n, H, 3) m and m/s, world.
+    quaternion : ndarray
+        (n, H, 4) x, y, z, w, body to world.
+    rate_rad_s : ndarray
+        (n, H, 3) rad/s, body.
     """
 
     position_m: np.ndarray
@@ -164,8 +209,16 @@ class Predictor(Protocol):
 class VehicleState:
     """States of n vehicles at one time, as their controllers receive them.
 
-    position_m, velocity_m_s (n, 3) world; quaternion (n, 4) x, y, z, w body to world; rate_rad_s (n, 3) body;
-    battery_V (n,) under load.
+    Attributes
+    ----------
+    position_m, velocity_m_s : ndarray
+        (n, 3) m and m/s, world.
+    quaternion : ndarray
+        (n, 4) x, y, z, w, body to world.
+    rate_rad_s : ndarray
+        (n, 3) rad/s, body.
+    battery_V : ndarray
+        (n,) V under load.
     """
 
     position_m: np.ndarray
@@ -177,12 +230,23 @@ class VehicleState:
 
 @dataclass(frozen=True)
 class Reference:
-    """References of n vehicles now: position_m (n, 3) world, yaw_rad (n,).
+    """References of n vehicles now.
 
-    velocity_m_s and acceleration_m_s2 (n, 3) are zero for a controller that flies ``as flown`` (position setpoints
-    only). ``jerk_m_s3`` (n, 3) and yaw_rate_rad_s (n,) are None if unknown. ``ahead(seconds)``, seconds (k,) >= 0 from
-    now, gives future references, with k as the first axis: (k, n, 3) and (k, n). None if the future is unknown; a
-    controller that looks ahead then extrapolates.
+    Attributes
+    ----------
+    position_m : ndarray
+        (n, 3) m, world.
+    yaw_rad : ndarray
+        (n,) rad.
+    velocity_m_s, acceleration_m_s2 : ndarray
+        (n, 3) m/s and m/s^2, world; zero for a controller that flies ``as flown`` (position setpoints only).
+    jerk_m_s3 : ndarray or None
+        (n, 3) m/s^3, world; None if unknown.
+    yaw_rate_rad_s : ndarray or None
+        (n,) rad/s; None if unknown.
+    ahead : callable or None
+        ``ahead(seconds)``, seconds (k,) >= 0 from now, gives future references with k as the first axis: (k, n, 3) and
+        (k, n). None if the future is unknown; a controller that looks ahead then extrapolates.
     """
 
     position_m: np.ndarray
@@ -207,7 +271,13 @@ class Controller(Protocol):
     period_s: float
 
     def reset(self, n: int) -> None:
-        """Forget earlier runs; the next one has n vehicles."""
+        """Start a new flight.
+
+        Parameters
+        ----------
+        n : int
+            Number of vehicles.
+        """
         ...
 
     def command(self, time_s: float, state: VehicleState, reference: Reference) -> np.ndarray:

@@ -2,9 +2,12 @@
 
 The model is linearised once, at hover, in the frame of the reference's heading. Errors against the reference and their
 integrals are the only parameters of the program, so its matrices are constants. Thrusts of all motors stay within what
-the battery allows over the horizon. Bemporad, Morari, Dua, Pistikopoulos 2002 (doi:10.1016/S0005-1098(01)00174-1).
+the battery allows over the horizon. ``nanobench convert --to firmware-app`` writes the same controller as C.
 
-``nanobench convert --to firmware-app`` writes the same controller as C.
+References
+----------
+Bemporad, Morari, Dua, Pistikopoulos 2002, "The explicit linear quadratic regulator for constrained systems", Automatica
+38(1), doi:10.1016/S0005-1098(01)00174-1.
 """
 
 from dataclasses import dataclass
@@ -150,11 +153,29 @@ def _condensed(a: np.ndarray, b: np.ndarray, q: np.ndarray, r: np.ndarray) -> Pr
 
 
 class HoverMpc:
-    """Full references in, motor PWM out, at 500 Hz. Raises InputError for a model whose input is not PWM.
+    """Predictive control about hover: full references in, motor PWM out, at 500 Hz.
 
-    ``thrust_N`` (n, 4): the last thrusts of the motors. ``guard`` counts replaced inputs. ``counts``: commands
-    whose program met a bound (``bounded``), and those beyond ITERATIONS (``solver``). These are the
-    answer without bounds, clipped.
+    Parameters
+    ----------
+    model : Model, optional
+        Simulator of four motors with PWM input; default: the shipped vehicle.
+    weights : Weights, optional
+        Errors of equal cost.
+
+    Attributes
+    ----------
+    thrust_N : ndarray
+        (n, 4) N, the last thrusts of the motors.
+    guard : Guard
+        Counts replaced inputs.
+    counts : dict
+        Commands whose program met a bound (``bounded``), and those beyond ITERATIONS (``solver``). The latter are the
+        answer without bounds, clipped.
+
+    Raises
+    ------
+    InputError
+        For a model whose input is not PWM.
     """
 
     name = "mpc_hover"

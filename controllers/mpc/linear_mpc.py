@@ -52,7 +52,22 @@ def error(x: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 
 class MpcDaqp(Linearised):
-    """Linear predictive control: the condensed program, solved by an active-set method."""
+    """Linear predictive control: the condensed program, solved by an active-set method.
+
+    Parameters
+    ----------
+    solver : str
+        ``daqp``, or ``osqp`` for operator splitting.
+    *arguments, **keywords
+        As of ``Mpc``: model, delay_s, horizon, dt_s, weights, tuning, gains and others.
+
+    Raises
+    ------
+    UsageError
+        For an unknown solver.
+    MissingExtraError
+        Without the solver.
+    """
 
     name = "mpc_daqp"
 
@@ -115,7 +130,18 @@ class MpcDaqp(Linearised):
 
 
 class MpcOsqp(Linearised):
-    """Linear predictive control: the sparse program, solved by operator splitting."""
+    """Linear predictive control: the sparse program, solved by operator splitting.
+
+    Parameters
+    ----------
+    *arguments, **keywords
+        As of ``Mpc``: model, delay_s, horizon, dt_s, weights, tuning, gains and others.
+
+    Raises
+    ------
+    MissingExtraError
+        Without OSQP.
+    """
 
     name = "mpc_osqp"
 

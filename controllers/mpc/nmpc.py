@@ -1,8 +1,13 @@
 """Nonlinear predictive control by sequential quadratic programming, one step a command (real-time iteration).
 
 The model flies the last plan, one period later, from where the vehicle will be. The equations are linearised along
-that flight (Gauss-Newton), and the condensed program gives its change. Diehl, Bock, Schloeder 2005,
-doi:10.1137/S0363012902400713; started from the prediction, the iteration's stages have no defects.
+that flight (Gauss-Newton), and the condensed program gives its change. Started from the prediction, the iteration's
+stages have no defects.
+
+References
+----------
+Diehl, Bock, Schloeder 2005, "A real-time iteration scheme for nonlinear optimization in optimal feedback control", SIAM
+Journal on Control and Optimization 43(5), doi:10.1137/S0363012902400713.
 """
 
 from typing import Any
@@ -75,7 +80,15 @@ def near(residual: np.ndarray) -> int:
 
 
 class Nmpc(MpcDaqp):
-    """Nonlinear predictive control, 13 states and the rotors'. ``iterations``: programs solved for a command."""
+    """Nonlinear predictive control, with 13 states and those of the rotors.
+
+    Parameters
+    ----------
+    iterations : int
+        Programs that are solved for a command.
+    *arguments, **keywords
+        As of ``Mpc``: model, delay_s, horizon, dt_s, weights, tuning, gains and others.
+    """
 
     name = "nmpc"
 

@@ -145,11 +145,38 @@ def _judged(place: np.ndarray, speed: np.ndarray, attitude: np.ndarray, rate: np
 class Mpc:
     """Full references in, with their future if available; motor PWM out, every PERIOD_S.
 
-    ``delay_s``: time from the return of ``command`` until its result acts (the model's command_delay by default).
-    ``tilt_rad``: limit of tilt in plans (``tilt_bounds``). Targets tilt less, and less still on a battery that could
-    not carry the vehicle then. ``near_m``: smaller errors are left to the program (``horizon.within_reach``). This
-    does not apply if other loops are between a plan and the motors. ``guard``, ``fallback`` and ``counts`` report
-    replacements. ``plan``: the last plans.
+    Parameters
+    ----------
+    model : Model, optional
+        Simulator of four motors with PWM input; default: the shipped vehicle.
+    delay_s : float, optional
+        Time from the return of ``command`` until its result acts, s; default: the model's ``command_delay``.
+    horizon : int
+        Number of stages.
+    dt_s : float
+        Length of a stage, s.
+    weights : Weights, optional
+        Errors of equal cost.
+    tuning : Tuning, optional
+        Of the observer of disturbances.
+    states : int
+        Number of states in the program.
+    period_s : float
+        Seconds between two commands.
+    tilt_rad : float
+        Limit of tilt in plans. Targets tilt less, and less still on a battery that could not carry the vehicle then.
+    near_m : float
+        Smaller errors are left to the program (``horizon.within_reach``). This does not apply if other loops are
+        between a plan and the motors.
+    gains : mapping, optional
+        Values of the gains below, by name.
+
+    Attributes
+    ----------
+    guard, fallback, counts
+        Report replaced inputs and commands.
+    plan
+        The last plans.
     """
 
     name = "mpc"

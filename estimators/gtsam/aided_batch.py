@@ -1,10 +1,15 @@
-"""The batch smoother with what a quadrotor's own physics says: drag as velocity, thrust as a vertical accelerometer.
+"""The batch smoother with two laws of a quadrotor: drag as velocity, thrust as a vertical accelerometer.
 
-The accelerometer's x and y measure drag alone (Leishman et al., IEEE Control Systems 2014). Their mean over each state
-is offset - k v - q |v| v in the body. Its z feels thrust: scale times the firmware's curve of PWM times battery
-voltage. Offset, drag coefficient, thrust scale and how fast the vertical accelerometer's bias drifts are slow
-quantities, learned while poses come. The states go on after the last pose to the touch-down. A value in a blackout
-therefore also uses the IMU, motors and battery of the time after it (never a later pose).
+The accelerometer's x and y measure drag alone. Their mean over each state is offset - k v - q |v| v in the body. Its z
+measures thrust: scale times the firmware's curve of PWM times battery voltage. Offset, drag coefficient, thrust scale
+and the drift of the vertical accelerometer's bias are slow quantities, learned while poses come. The states continue
+after the last pose to the touch-down. A value in a blackout therefore also uses the IMU, motors and battery of the time
+after it (never a later pose).
+
+References
+----------
+Leishman et al. 2014, "Quadrotors and accelerometers: State estimation with an improved dynamic model", IEEE Control
+Systems 34(1).
 """
 
 import warnings
@@ -60,8 +65,11 @@ at the end of a flight that rotors with a thrust of 1.25 times the weight cannot
 
 
 class GtsamAided(GtsamBatch):
-    """Batch smoother of poses, IMU, drag and thrust; it looks ahead. Without motors or battery it says so and
-    goes on with drag."""
+    """Batch smoother of poses, IMU, drag and thrust; it looks ahead.
+
+    Without motors or battery it reports this and uses drag alone. Parameters and attributes are those of
+    ``gtsam_batch``.
+    """
 
     name = "gtsam_aided"
     warms = 9

@@ -54,8 +54,18 @@ CONTRADICTED_M = number("smoothers.batch.contradicted_m")
 
 
 class GtsamBatch:
-    """Batch smoother of poses and IMU; it looks ahead. ``last`` is the Solution of the last flight:
-    iterations, convergence, states."""
+    """Batch smoother of poses and IMU; it looks ahead.
+
+    Parameters
+    ----------
+    noise : ImuNoise, optional
+        Noise of the IMU; default: a 40 g vehicle in flight.
+
+    Attributes
+    ----------
+    last : Solution or None
+        Of the last flight: iterations, convergence, states.
+    """
 
     name = "gtsam_batch"
     causal = False

@@ -53,7 +53,18 @@ WALK = np.append(np.full(3, TUNED["mount_walk"]), GtsamAided.walk[3:USED])
 
 
 class GtsamFixedLag:
-    """Causal fixed-lag smoother. ``update_s``: processor seconds of every update of the last flight."""
+    """Causal fixed-lag smoother.
+
+    Parameters
+    ----------
+    noise : ImuNoise, optional
+        Noise of the IMU; default: a 40 g vehicle in flight.
+
+    Attributes
+    ----------
+    update_s : list of float
+        Processor seconds of every update of the last flight.
+    """
 
     name = "gtsam_fixed_lag"
     causal = True
@@ -63,7 +74,25 @@ class GtsamFixedLag:
         self.update_s: list[float] = []
 
     def estimate(self, flight: Flight) -> Estimate:
-        """InputError as for the batch smoother; MissingExtraError without gtsam."""
+        """Estimate the trajectory of one flight.
+
+        Parameters
+        ----------
+        flight : Flight
+            Uses ``imu`` and the poses in ``mocap``.
+
+        Returns
+        -------
+        Estimate
+            At the rows of the IMU; a value uses no later part of the recording.
+
+        Raises
+        ------
+        InputError
+            As of the other inertial methods.
+        MissingExtraError
+            Without gtsam.
+        """
         rows = rows_of(flight, causal=True)
         run = _Run(flight, rows, self.noise)
         estimate = run.through()

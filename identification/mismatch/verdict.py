@@ -1,4 +1,60 @@
-"""Result of a diagnosis: outcome, paragraph, findings, unknown structures, detection limits; also as JSON."""
+"""Result of a diagnosis: outcome, paragraph, findings, unknown structures, detection limits; also as JSON.
+
+The keys of verdict.json are below. Files without a judged row, and comparisons with normal flights, have fewer.
+
+Attributes
+----------
+outcome : str
+    ``named`` (effects identified), ``unknown``, ``none``, ``data_fault`` or ``insufficient``.
+headline : str
+    The outcome in one sentence.
+paragraph : str
+    The whole verdict in words.
+findings : list
+    Identified effects. ``term``; ``equivalent``: indistinguishable ones; ``confidence``: 0 to 1. ``where``: axes, frame
+    and flights. ``parameters`` by name: value, ci95, unit, and the simulator's value ``believed``. ``by_flight``:
+    per-flight values. ``cause`` and ``motors``: a possible change of the vehicle. ``settle_with``: the flight or
+    measurement that distinguishes it from ``equivalent``. ``residual_share``: the share of the residual that it
+    explains.
+unknown : mapping or null
+    A mismatch that is not identified: ``where``, ``bound_m_s2`` (an upper bound of its size, m/s^2) and ``hint``.
+leaning : mapping
+    Effects that are not sure enough: probability by term.
+withdrawn : list
+    Effects that were identified first and then rejected: ``term`` and ``why``. Empty with the engine ``posterior``.
+not_named : list
+    Effects that were fitted and not identified: ``term`` and ``why``.
+not_asked : list
+    Effects that these flights cannot show: ``term`` and ``why``.
+data_faults : list
+    Faults of the audit, with flight, kind, stream, span, size, unit and evidence.
+power : mapping
+    By term: the smallest change that would have been identified (``minimum_detectable``, ``unit``, ``parameter``).
+improvement : mapping
+    Mean errors of predictions of flights left out, by steps of 10 ms (``1``, ``10``, ``50``). ``before`` and ``after``
+    the correction, and the ``floor`` of a right simulator; ``relative_ci95``: interval of the gain. ``held_out``: the
+    flights. ``share_of_achievable``: with the engine ``rules``.
+good_for, good_for_corrected : mapping or null
+    ``hover``, ``mpc`` and ``learning``: ``yes``, ``no`` or ``cannot say``, for the simulator as given and corrected.
+levels : mapping
+    Per-flight offsets: standard deviation, unit and values. Empty with the engine ``posterior``.
+discrepancy_m_s2 : mapping
+    RMS of the forces that no effect explains, by what they go with, m/s^2.
+tracked_point_m, tracked_point_sd_m : list
+    The tracked point from the centre of mass, body x, y, z, and the standard deviation that noise alone gives.
+repeats : mapping
+    A force that repeats between flights: its group, share and size.
+corrected_simulator : str or null
+    Path of simulator_corrected.toml.
+simulator : mapping
+    Of a simulator without terms: how well fitted terms reproduce it.
+refit, bound : mapping
+    With ``--refit`` and ``--bound``.
+engine : str
+    ``posterior`` or ``rules``.
+elapsed_s : float
+    Seconds that the diagnosis took.
+"""
 
 from __future__ import annotations
 

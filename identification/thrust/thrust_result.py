@@ -173,8 +173,26 @@ class FlightResult(PartResult):
 
 @dataclass(frozen=True, repr=False)
 class ThrustResult(Result):
-    """thrust.json. With both kinds, ``best`` and ``parameters`` are those of the flights, since these describe the
-    vehicle in flight. Each kind also has its own part."""
+    """Content of thrust.json.
+
+    With both kinds, ``best`` and ``parameters`` are those of the flights, since these describe the vehicle in flight.
+    Each kind also has its own part.
+
+    Attributes
+    ----------
+    rows : list of ErrorRow
+        Error of every map on training and held-out files.
+    best : str or None
+        Name of the map in use; null if none is valid.
+    parameters : mapping
+        By map and parameter: value, 95 % interval, unit.
+    stand : StandResult
+        Of thrust-stand tables.
+    flight : FlightResult
+        Of flights.
+    left_out : list of LeftOut
+        Recordings that were not used, with the reason.
+    """
 
     rows: tuple[ErrorRow, ...]
     best: str | None

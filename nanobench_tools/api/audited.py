@@ -20,7 +20,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class FlightAudit:
-    """The audit of one flight. ``detail`` has everything: every fault, clocks, rates, clean spans."""
+    """The audit of one flight.
+
+    Attributes
+    ----------
+    flight : Flight
+        The flight.
+    detail : Audit
+        Everything: faults, clocks, rates, clean spans; as in audit.json.
+    judged : AuditVerdict
+        Events and usable spans.
+    """
 
     flight: Flight
     detail: Audit
@@ -43,12 +53,12 @@ class FlightAudit:
 
     @property
     def usable(self) -> tuple[Span, ...]:
-        """The flight without what is cut, s from the first row."""
+        """Spans of the flight without the parts that are cut, s from the first row."""
         return self.judged.usable
 
     @property
     def can(self) -> dict[str, str]:
-        """Function -> what this recording lacks for it; empty where it suffices."""
+        """By function: what this recording lacks for it; empty where it suffices."""
         return can(self.flight, self.detail)
 
     @property
@@ -58,7 +68,12 @@ class FlightAudit:
 
     @property
     def faults(self) -> pd.DataFrame:
-        """One row per event: kind, streams, from_s, to_s, what, advice, faults merged in it, seconds cut."""
+        """One row per event.
+
+        Columns: kind, streams, from_s and to_s (s from the first row), what, advice, faults (how many were merged),
+        cut_s
+        (seconds cut).
+        """
         import pandas as pd
 
         rows = [(e.kind, " ".join(e.streams), e.spans[0].start_s, e.spans[-1].end_s, e.sentence,
@@ -81,8 +96,13 @@ class FlightAudit:
 
 
 class FlightAudits(Sequence[FlightAudit]):
-    """Audits in the order of their flights; ``audits["name"]`` is that of one flight. copies: groups of names of equal
-    recordings."""
+    """Audits in the order of their flights; ``audits["name"]`` is that of one flight.
+
+    Attributes
+    ----------
+    copies : list of list of str
+        Groups of names of equal recordings.
+    """
 
     def __init__(self, audits: Iterable[FlightAudit], copies: Sequence[Sequence[str]] = ()) -> None:
         self._audits = list(audits)

@@ -19,7 +19,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Tracking:
-    """Scores of the controllers that flew. ``body``: rows as in control.json; failed: [{item, file, error}]."""
+    """Scores of the controllers that flew.
+
+    Attributes
+    ----------
+    body : ControlBody
+        As in control.json.
+    failed : tuple of dict
+        Flights that failed: item, file and error.
+    """
 
     body: ControlBody
     failed: tuple[dict[str, str], ...]

@@ -21,7 +21,13 @@ if TYPE_CHECKING:
 
 
 class Diagnosis:
-    """A verdict on a simulator. ``verdict`` has everything that verdict.json holds."""
+    """A verdict on a simulator.
+
+    Attributes
+    ----------
+    verdict : Verdict
+        Everything; ``verdict.to_json()`` is the content of verdict.json.
+    """
 
     def __init__(self, verdict: Verdict) -> None:
         self.verdict = verdict
@@ -29,7 +35,7 @@ class Diagnosis:
 
     @property
     def outcome(self) -> str:
-        """``named`` | ``unknown`` | ``none`` | ``data_fault`` | ``insufficient``."""
+        """``named`` (effects identified), ``unknown``, ``none``, ``data_fault`` or ``insufficient``."""
         found: str = self._body["outcome"]
         return found
 
@@ -47,14 +53,19 @@ class Diagnosis:
 
     @property
     def good_for(self) -> dict[str, str]:
-        """{hover, mpc, learning: yes | no | cannot say} of the simulator as it is."""
+        """By use (hover, mpc, learning): yes, no or cannot say, for the simulator as given."""
         from identification.mismatch.headline import good_for
 
         return dict(good_for(self._body["improvement"]))
 
     @property
     def findings(self) -> pd.DataFrame:
-        """One row per parameter of what was named: term, confidence, believed and found value with interval, unit."""
+        """One row per parameter of an identified effect.
+
+        Columns: term, or (indistinguishable ones), confidence (0 to 1), parameter, believed (the simulator's value),
+        value,
+        ci95_low, ci95_high, unit.
+        """
         import pandas as pd
 
         rows = [(f["term"], ", ".join(f["equivalent"]), f["confidence"], name, p["believed"], p["value"], *p["ci95"],
@@ -64,7 +75,10 @@ class Diagnosis:
 
     @property
     def improvement(self) -> pd.DataFrame:
-        """Errors of predictions of flights left out: index steps of 10 ms, before and after, by quantity."""
+        """Mean errors of predictions of flights left out.
+
+        Index: (steps of 10 ms, quantity), whose unit is in its name. Columns: before and after the correction.
+        """
         import pandas as pd
 
         found = self._body["improvement"] or {}
@@ -74,11 +88,22 @@ class Diagnosis:
 
     @property
     def corrected(self) -> Model | None:
-        """The simulator with what was named; None where nothing was."""
+        """The simulator with the identified effects; None if no effect was identified."""
         return self.verdict.corrected
 
     def to_toml(self, path: str | os.PathLike[str]) -> None:
-        """Writes the corrected simulator. UsageError where nothing was named."""
+        """Write the corrected simulator.
+
+        Parameters
+        ----------
+        path : path
+            Of the simulator.toml.
+
+        Raises
+        ------
+        UsageError
+            If no effect was identified.
+        """
         from ..physics.simulator import write_simulator
 
         if self.corrected is None:

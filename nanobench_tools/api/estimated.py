@@ -28,9 +28,20 @@ UNITS = ("m", "m", "m", "1", "1", "1", "1")
 
 @dataclass(frozen=True, repr=False)
 class Estimates:
-    """Scores of estimators. rows: as in estimate.json; trajectories {method: {flight: DataFrame}}, with the motion
-    capture under ``truth``. Index: seconds of the flight. Columns: position in m in the world, quaternion x, y, z, w
-    body to world; ``estimates["flight"]``: {method: DataFrame} of one flight. failed: [{item, file, error}]."""
+    """Scores of estimators.
+
+    ``estimates["flight"]`` is {method: DataFrame} of one flight, with the motion capture under ``truth``.
+
+    Attributes
+    ----------
+    rows : tuple of EstimateRow
+        As in estimate.json.
+    trajectories : mapping
+        {method: {flight: DataFrame}}, with the motion capture under ``truth``. Index: s from the first row. Columns:
+        position in m, world, and quaternion x, y, z, w, body to world.
+    failed : tuple of dict
+        Flights that failed: item, file and error.
+    """
 
     rows: tuple[EstimateRow, ...]
     trajectories: Mapping[str, Mapping[str, pd.DataFrame]]
@@ -63,8 +74,20 @@ class Estimates:
         return {method: found[flight] for method, found in self.trajectories.items() if flight in found}
 
     def plot(self, flight: str | None = None) -> Any:
-        """A plotly figure: paths of one flight (the first) from above, every method and the motion capture. For
-        blackouts, which score windows, the error over the time since the last pose."""
+        """Draw the paths of one flight from above, of every method and the motion capture.
+
+        For blackouts, which score windows, it draws the error over the time since the last pose.
+
+        Parameters
+        ----------
+        flight : str, optional
+            Its name; by default the first.
+
+        Returns
+        -------
+        plotly.graph_objects.Figure
+            Needs the extra ``report``.
+        """
         from .figures_of_results import end_errors_figure, paths_figure
 
         names = list(next(iter(self.trajectories.values()), {}))

@@ -32,8 +32,17 @@ TRIMMED_ROW = "simulator.toml + trim"
 
 @dataclass(frozen=True, repr=False)
 class FlightPrediction:
-    """Half-second predictions of one flight from n starts: start_s (n,) s from its first row; predicted and measured:
-    states 1..50 steps of 10 ms later."""
+    """Half-second predictions of one flight from n starts.
+
+    Attributes
+    ----------
+    flight, model : str
+        Names of both.
+    start_s : ndarray
+        (n,) s from the first row of the flight.
+    predicted, measured : Prediction
+        States 1..50 steps of 10 ms later.
+    """
 
     flight: str
     model: str
@@ -43,7 +52,7 @@ class FlightPrediction:
 
     @property
     def table(self) -> pd.DataFrame:
-        """Errors: index start_s, columns (quantity, steps of 10 ms) in m, m/s, rad and rad/s."""
+        """Errors by start. Index: start_s. Columns: (quantity, steps of 10 ms), in m, m/s, rad and rad/s."""
         import pandas as pd
 
         from ..metrics.prediction import HORIZONS, window_errors
@@ -68,9 +77,12 @@ class FlightPrediction:
 class VehicleModel:
     """A fitted vehicle.
 
-    ``model``: its physics, as exported. ``result``: parameters, what the flights cannot identify, and whether it flies.
-    ``predictor``: what predicts flights best, made at its first use. ``trouble``: why it is no result (empty: it is
-    one).
+    Attributes
+    ----------
+    model : Model
+        Its physics, as exported.
+    result : FitResult
+        Parameters, what the flights cannot identify, and whether it flies.
     """
 
     def __init__(self, model: Model, result: FitResult, predictor: Callable[[], Predictor]) -> None:
@@ -80,17 +92,20 @@ class VehicleModel:
 
     @property
     def predictor(self) -> Predictor:
+        """The model that predicts flights best; it is fitted at its first use."""
         if self._predictor is None:
             self._predictor = self._make()
         return self._predictor
 
     @property
     def parameters_(self) -> pd.DataFrame:
-        """Index name; value, ci95_low, ci95_high (nan without an interval), unit, prior_share, and why there is no
-        interval.
+        """One row per parameter.
 
-        prior_share is 1 where the flights cannot identify the parameter and its prior is kept, and nan without a
-        prior."""
+        Columns: value, ci95_low, ci95_high (nan without an interval), unit, prior_share, and ci_why (why there is no
+        interval).
+        ``prior_share`` is 1 where the flights cannot identify the parameter and its prior is kept, and nan without a
+        prior.
+        """
         import pandas as pd
 
         rows = [(p.value, *(p.ci95 or (np.nan, np.nan)), p.unit, np.nan if p.prior_share is None else p.prior_share,
@@ -100,19 +115,37 @@ class VehicleModel:
 
     @property
     def trouble(self) -> str:
+        """Why the fit is invalid; empty for a valid one."""
         return self.result.trouble
 
     @property
     def physical(self) -> bool:
-        """Whether it is the vehicle that flew, and no model of chosen terms."""
+        """Whether it is the vehicle that flew, rather than a model of chosen terms."""
         return self.result.thrust_spread is not None
 
     def predict(self, what: Windows | Flight, by: str = "predictor") -> Prediction | FlightPrediction:
-        """States 1..H steps after the start of every window; of a flight, from starts every 0.1 s of clean flight.
+        """Predict states from the start of windows.
 
-        by: ``predictor`` is the best predictor (``fit_balanced`` of ``nanobench sysid``). ``vehicle`` is the exported
-        vehicle alone; ``trimmed`` adds the trim of the flight, four gains of the motors from the rows before the start.
         The predictor is fitted to the same flights at the first call.
+
+        Parameters
+        ----------
+        what : Windows or Flight
+            Of a flight, windows start every 0.1 s of clean flight.
+        by : str
+            ``predictor``: the best predictor (``fit_balanced`` of ``nanobench sysid``). ``vehicle``: the exported
+            vehicle alone. ``trimmed``: with the trim of the flight, four gains of the motors from the rows before the
+            start.
+
+        Returns
+        -------
+        Prediction or FlightPrediction
+            For windows or for a flight.
+
+        Raises
+        ------
+        UsageError
+            For an unknown ``by``, or a flight without half a second of clean flight.
         """
         known = {"predictor": lambda: self.predictor, "vehicle": self._vehicle, "trimmed": self._trimmed}
         if by not in known or (by == "trimmed" and not self.physical):
@@ -123,8 +156,24 @@ class VehicleModel:
         return _predicted(some(what)[0], predictor)
 
     def score(self, flights: Flight | Iterable[Flight]) -> pd.DataFrame:
-        """Mean errors on ``flights`` after 1, 10 and 50 steps of 10 ms, and their sum. Index (model, quantity): the
-        predictor, the exported vehicle alone, and with the trim of each flight."""
+        """Score predictions of flights.
+
+        Parameters
+        ----------
+        flights : Flight or iterable of Flight
+            Flights that judge.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Mean errors after 1, 10 and 50 steps of 10 ms, and their sum. Index (model, quantity): the predictor, the
+            exported vehicle alone, and with the trim of each flight.
+
+        Raises
+        ------
+        InputError
+            Where no flight can be used, with the reason.
+        """
         import pandas as pd
 
         from identification.greybox.fit_windows import cut, mean_errors
@@ -155,10 +204,26 @@ class VehicleModel:
         return self.result.plot()
 
     def linearize(self, battery_V: float = 3.7) -> control.StateSpace:
-        """The vehicle about its hover for python-control (extra ``control``). Inputs ``motor_1`` .. [PWM ratio];
-        outputs position, velocity, turn, rate and thrust by name [m, m/s, rad, rad/s, N]. A delay is approximated by
-        Pade.
+        """Linearise the vehicle about its hover, for python-control (extra ``control``).
 
+        Parameters
+        ----------
+        battery_V : float
+            Battery voltage at hover, V.
+
+        Returns
+        -------
+        control.StateSpace
+            Inputs ``motor_1`` .. [PWM ratio]; outputs position, velocity, turn, rate and thrust by name [m, m/s, rad,
+            rad/s, N]. A delay is approximated by Pade.
+
+        Raises
+        ------
+        MissingExtraError
+            Without python-control.
+
+        Examples
+        --------
         >>> import nanobench_tools as nb
         >>> vehicle = nb.fit(nb.simulate(2, seed=1, seconds=12.0)).linearize()
         >>> vehicle.output_labels[9:12]
@@ -169,7 +234,23 @@ class VehicleModel:
         return linearize(self.model, battery_V)
 
     def to_toml(self, path: str | os.PathLike[str] | None = None) -> str:
-        """The vehicle as simulator.toml, written to ``path`` where one is given. UsageError for a failed fit."""
+        """Return the vehicle as simulator.toml.
+
+        Parameters
+        ----------
+        path : path, optional
+            Where to write it, too.
+
+        Returns
+        -------
+        str
+            Text of the file.
+
+        Raises
+        ------
+        UsageError
+            For an invalid fit.
+        """
         from ..physics.simulator import dumps, write_simulator
 
         if self.trouble:

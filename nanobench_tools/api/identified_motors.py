@@ -19,7 +19,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Motors:
-    """Results for the motors. ``result``: as in motors.json; ``study``: the fits behind it."""
+    """Motors of one vehicle, from measured rotor speed.
+
+    Attributes
+    ----------
+    result : MotorResult
+        As in motors.json.
+    study : Study
+        The fits.
+    """
 
     result: MotorResult
     study: Study
@@ -31,7 +39,7 @@ class Motors:
 
     @property
     def table(self) -> pd.DataFrame:
-        """One row per number: value, 95 % interval (nan without one), SI unit."""
+        """One row per number. Columns: value, ci95_low, ci95_high (nan without an interval), unit (SI)."""
         import pandas as pd
 
         nan = (float("nan"),) * 2

@@ -37,9 +37,14 @@ def short_table(table: pd.DataFrame) -> str:
 
 
 class Flights(Sequence[Flight]):
-    """Flights in the order of their paths. ``failed``: [{path, error}] of files that are no recording.
+    """Flights in the order of their paths.
 
-    ``flights[0]`` and ``flights["name"]`` give a flight, ``flights[2:5]`` some; ``table`` is a DataFrame of them.
+    ``flights[0]`` and ``flights["name"]`` give a flight, ``flights[2:5]`` some.
+
+    Attributes
+    ----------
+    failed : list of dict
+        Files that are no recording: path and error.
     """
 
     def __init__(self, flights: Iterable[Flight], failed: Sequence[dict[str, str]] = ()) -> None:
@@ -63,6 +68,7 @@ class Flights(Sequence[Flight]):
 
     @property
     def names(self) -> list[str]:
+        """Names of the flights, in their order."""
         return [flight.name for flight in self._flights]
 
     @property

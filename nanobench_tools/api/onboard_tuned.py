@@ -18,14 +18,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class OnboardParameters:
-    """``tuning``: as in tune_onboard.json; failed: [{item, file, error}]."""
+    """Parameters of the vehicle's Kalman filter.
+
+    Attributes
+    ----------
+    tuning : OnboardTuning
+        As in tune_onboard.json.
+    failed : tuple of dict
+        Flights that failed: item, file and error.
+    """
 
     tuning: OnboardTuning
     failed: tuple[dict[str, str], ...]
 
     @property
     def parameters(self) -> dict[str, float]:
-        """{firmware's name: value}, such as ``kalman.dragB_x`` in 1/s."""
+        """Values by the firmware's names, such as ``kalman.dragB_x`` in 1/s."""
         return dict(self.tuning.parameters)
 
     @property
@@ -35,8 +43,10 @@ class OnboardParameters:
 
     @property
     def table(self) -> pd.DataFrame:
-        """One row per filter, clock and metric: mean over held-out flights with its interval, n, and the ratio to the
-        filter as flown."""
+        """One row per filter, clock and metric.
+
+        Columns: mean over held-out flights with its interval, n, and the ratio to the filter as flown.
+        """
         import pandas as pd
 
         rows = []

@@ -22,21 +22,33 @@ ENGINES = ("practice", "rotorpy", "both")
 
 @dataclass(frozen=True, repr=False)
 class BlindProof:
-    """``proof``: as in prove.json; failed: [{item, file, error}]."""
+    """Score of the diagnosis on blind cases.
+
+    Attributes
+    ----------
+    proof : Proof
+        As in prove.json.
+    failed : tuple of dict
+        Cases that failed: item, file and error.
+    """
 
     proof: Proof
     failed: tuple[dict[str, str], ...]
 
     @property
     def sentence(self) -> str:
-        """How often the diagnosis was right, and how often it named what was not there."""
+        """How often the diagnosis was right, and how often it identified a false effect."""
         found = self.proof.summary
         return proof_sentence(found.right, found.cases, found.false_names)
 
     @property
     def table(self) -> pd.DataFrame:
-        """One row per kind of case: cases, shares of right verdicts and of false names (0..1) with exact 95 %
-        intervals (nan without a case)."""
+        """One row per kind of case.
+
+        Columns: cases, numbers and shares (0 to 1) of right verdicts and of false effects, with exact 95 % intervals
+        (nan
+        without a case).
+        """
         import pandas as pd
 
         rows, nan = [], (float("nan"),) * 2

@@ -21,16 +21,27 @@ if TYPE_CHECKING:
 
 
 class Thrust:
-    """Thrust maps of recordings; ``result`` has everything that thrust.json holds. With thrust-stand tables and
-    flights together, the map of the flights is used, because it is the one that flies."""
+    """Thrust maps of recordings.
+
+    With thrust-stand tables and flights together, the map of the flights is used, because it describes the vehicle in
+    flight. ``thrust(command, battery_V)`` is short for ``thrust.thrust_N(command, battery_V)``.
+
+    Attributes
+    ----------
+    result : ThrustResult
+        As in thrust.json.
+    """
 
     def __init__(self, result: ThrustResult, model: ThrustModel | None, sentence: str, assumed: str = "") -> None:
         self.result, self._model, self._sentence, self._assumed = result, model, sentence, assumed
 
     @property
     def table(self) -> pd.DataFrame:
-        """Error of every map: index (kind, model, split, clock); rms, ci95_low, ci95_high and bias in ``unit``, number
-        of rows and files, status."""
+        """Error of every map.
+
+        Index: (kind, model, split, clock). Columns: rms, ci95_low, ci95_high and bias in ``unit``, n rows, files,
+        status.
+        """
         import pandas as pd
 
         rows = [(r.kind, r.model, r.split, r.clock, r.rms, *(r.ci95 or (np.nan, np.nan)), r.bias,
@@ -41,7 +52,7 @@ class Thrust:
 
     @property
     def best(self) -> str | None:
-        """Name of the map in use; None where no map is a result."""
+        """Name of the map in use; None if no map is valid."""
         return self.result.best
 
     @property
@@ -51,8 +62,12 @@ class Thrust:
 
     @property
     def levels(self) -> pd.DataFrame:
-        """Index battery (full, empty): voltage_V, hover_pwm (nan: no hover), full_N per motor at full command,
-        thrust_to_weight there, and whether rows of that voltage were measured."""
+        """Hover and full command with a full and an empty battery.
+
+        Index: battery. Columns: voltage_V, hover_pwm (nan: no hover), full_N per motor at full command,
+        thrust_to_weight there,
+        and whether rows of that voltage were measured.
+        """
         import pandas as pd
 
         rows = [(x.battery, x.voltage_V, np.nan if x.hover_pwm is None else x.hover_pwm, x.full_N, x.thrust_to_weight,
@@ -62,7 +77,7 @@ class Thrust:
 
     @property
     def parameters_(self) -> pd.DataFrame:
-        """Of the map in use: index name; value, ci95_low, ci95_high (nan without an interval), unit."""
+        """One row per parameter of the map in use: value, ci95_low, ci95_high (nan without an interval), unit."""
         import pandas as pd
 
         found = self.result.parameters.get(self.best or "", {})
@@ -77,12 +92,47 @@ class Thrust:
         return self._sentence if self.best is None else f"{self._sentence}. {self._formula().described(self._assumed)}"
 
     def thrust_N(self, command: ArrayLike, battery_V: ArrayLike) -> np.ndarray:
-        """Thrust [N] of one motor at PWM ratios 0..1 and battery voltages under load [V], broadcast; in hover.
-        UsageError for commands outside 0..1."""
+        """Return the thrust of one motor in hover.
+
+        Parameters
+        ----------
+        command : array_like
+            PWM ratio, 0 to 1.
+        battery_V : array_like
+            Voltage under load, V. Both are broadcast.
+
+        Returns
+        -------
+        ndarray
+            N per motor.
+
+        Raises
+        ------
+        UsageError
+            For commands outside 0 to 1, or without a valid map.
+        """
         return self._in_use().predict(command, battery_V)
 
     def command(self, thrust_N: ArrayLike, battery_V: ArrayLike) -> np.ndarray:
-        """PWM ratio at which one motor gives ``thrust_N``, broadcast; 1 where the battery cannot give that much."""
+        """Return the command at which one motor gives a thrust.
+
+        Parameters
+        ----------
+        thrust_N : array_like
+            N per motor.
+        battery_V : array_like
+            Voltage under load, V. Both are broadcast.
+
+        Returns
+        -------
+        ndarray
+            PWM ratio; 1 where the battery cannot give that much.
+
+        Raises
+        ------
+        UsageError
+            Without a valid map.
+        """
         return self._in_use().inverse(np.asarray(thrust_N, float), np.asarray(battery_V, float)).pwm
 
     __call__ = thrust_N

@@ -24,7 +24,17 @@ class Simulator(Protocol):
 
 @dataclass(frozen=True, repr=False)
 class Tuning:
-    """``gains`` by name, ``before`` them those of the controller; ``tuned``: as in tune.json."""
+    """Gains that were searched, and how they compare with the controller's own.
+
+    Attributes
+    ----------
+    tuned : Tuned
+        As in tune.json.
+    outcome : Outcome
+        Scores of the plants and paths that judge.
+    plant : GivenPlant
+        The simulator that was flown.
+    """
 
     tuned: Tuned
     outcome: Outcome
@@ -32,10 +42,12 @@ class Tuning:
 
     @property
     def gains(self) -> dict[str, float]:
+        """The gains that were found, by name; those of the controller if no better ones were found."""
         return dict(self.tuned.gains or self.tuned.start)
 
     @property
     def before(self) -> dict[str, float]:
+        """The controller's gains before the search, by name."""
         return dict(self.tuned.start)
 
     @property

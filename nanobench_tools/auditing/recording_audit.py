@@ -36,13 +36,29 @@ TIMED = ("imu", "attitude", "attitude_qw", "estimator")
 class Audit(Result):
     """Verdict on one recording; all times in seconds from its first row.
 
-    - controller: ``pid`` | ``mellinger`` | ``none`` (motors never ran) | ``unknown``.
-    - airborne: first to last crossing of 5 cm above the resting height.
-    - clean: the recording without the cutting faults of any stream. A constant battery reading does not affect the
-      other streams (``clean_for`` with the battery cuts it).
-    - clock and rates: per stream.
-    - lost_link: how a flight ended whose link or log was lost in the air, in words; "" for others.
-    - unchecked: signs, axes, scales and offsets that no other column of the recording shows, in words.
+    Attributes
+    ----------
+    flight, path, sha256 : str
+        Name, file, and hash of its content.
+    controller : str
+        ``pid``, ``mellinger``, ``none`` (motors never ran) or ``unknown``.
+    airborne : tuple of Span
+        From first to last crossing of 5 cm above the resting height.
+    clean : tuple of Span
+        The recording without the cutting faults of any stream. A constant battery reading does not affect the other
+        streams (``clean_for`` with the battery cuts it).
+    faults : tuple of Fault
+        Every fault that was found.
+    clock : mapping of str to ClockReading
+        By stream: offset, interval and moving error against the motion capture.
+    rates : mapping of str to RateReading
+        By stream: number of samples that were sent, and their rate.
+    span : Span
+        From the first to the last timestamp.
+    lost_link : str
+        How a flight ended whose link or log was lost in the air; empty for others.
+    unchecked : tuple of str
+        Signs, axes, scales and offsets that no other column of the recording shows.
     """
 
     flight: str

@@ -1,8 +1,13 @@
 """Rigid alignment of two point sets: which rotation and shift lay an estimated path onto the true one.
 
-Sources: Umeyama, "Least-squares estimation of transformation parameters between two point patterns" (1991),
-eqs. 34-43, without scale (then equal to Horn 1987 and Kabsch 1976); Zhang and Scaramuzza, "A tutorial on
-quantitative trajectory evaluation" (2018), section III, for position and yaw.
+Without scale, the solution of Umeyama equals those of Horn 1987 and Kabsch 1976.
+
+References
+----------
+- Umeyama 1991, "Least-squares estimation of transformation parameters between two point patterns", IEEE TPAMI 13(4),
+  eqs. 34-43.
+- Zhang, Scaramuzza 2018, "A tutorial on quantitative trajectory evaluation for visual(-inertial) odometry", IROS,
+  section III: position and yaw.
 """
 
 import warnings
@@ -25,30 +30,68 @@ class AlignmentError(NanobenchError, ValueError):
 
 @dataclass(frozen=True)
 class Alignment:
-    """x -> rotation x + translation_m; rotation (3, 3), translation_m (3,) m."""
+    """The motion x -> rotation x + translation_m.
+
+    Attributes
+    ----------
+    rotation : ndarray
+        (3, 3).
+    translation_m : ndarray
+        (3,) m.
+    """
 
     rotation: np.ndarray
     translation_m: np.ndarray
 
     def apply(self, points_m: np.ndarray) -> np.ndarray:
-        """(n, 3) m -> (n, 3) m."""
+        """Move points.
+
+        Parameters
+        ----------
+        points_m : ndarray
+            (n, 3) m.
+
+        Returns
+        -------
+        ndarray
+            (n, 3) m.
+        """
         return np.asarray(points_m @ self.rotation.T + self.translation_m)
 
     @property
     def angle_rad(self) -> float:
-        """Angle of the rotation [rad, 0..pi]."""
+        """Angle of the rotation, 0 to pi rad."""
         sine = np.linalg.norm([self.rotation[2, 1] - self.rotation[1, 2], self.rotation[0, 2] - self.rotation[2, 0],
                                self.rotation[1, 0] - self.rotation[0, 1]])
         return float(np.arctan2(sine, np.trace(self.rotation) - 1.0))
 
 
 def align(estimate_m: np.ndarray, truth_m: np.ndarray, mode: str = "se3", unique: bool = True) -> Alignment:
-    """The rigid motion (R, t) that minimises sum |R estimate_i + t - truth_i|^2 over rows.
+    """Return the rigid motion (R, t) that minimises sum |R estimate_i + t - truth_i|^2 over rows.
 
-    estimate_m, truth_m (n, 3) m, row by row at the same times; mode one of MODES. Raises AlignmentError when the
-    rotation is not determined (a single point, or for ``se3`` a straight line), ValueError on shapes or NaN. Without
-    ``unique`` one of the best is given instead: turning a line about itself leaves every error as it is.
+    Parameters
+    ----------
+    estimate_m, truth_m : ndarray
+        (n, 3) m, row by row at the same times.
+    mode : str
+        ``se3``: any rotation and shift; ``yaw``: rotation about the vertical and shift; ``none``: no motion.
+    unique : bool
+        False: one of the best motions is enough. Turning a line about itself leaves every error as it is.
 
+    Returns
+    -------
+    Alignment
+        The motion.
+
+    Raises
+    ------
+    AlignmentError
+        Where the rotation is not determined and ``unique``: a single point, or for ``se3`` a straight line.
+    ValueError
+        For an unknown mode, other shapes, no rows, or values that are not finite.
+
+    Examples
+    --------
     >>> square = np.array([[0., 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
     >>> align(square, square + [0, 0, 2]).translation_m.round(9).tolist()
     [0.0, 0.0, 2.0]
@@ -67,7 +110,25 @@ def align(estimate_m: np.ndarray, truth_m: np.ndarray, mode: str = "se3", unique
 
 
 def checked_pair(estimate: np.ndarray, truth: np.ndarray, width: int = 3) -> tuple[np.ndarray, np.ndarray]:
-    """Both as float (n, width) arrays; ValueError unless they have the same shape, rows and no NaN."""
+    """Return both as float arrays of one shape.
+
+    Parameters
+    ----------
+    estimate, truth : array_like
+        (n, width).
+    width : int
+        Number of columns.
+
+    Returns
+    -------
+    tuple of ndarray
+        (n, width) each.
+
+    Raises
+    ------
+    ValueError
+        For other shapes, no rows, or values that are not finite.
+    """
     a, b = np.asarray(estimate, float), np.asarray(truth, float)
     if a.shape != b.shape or a.ndim != 2 or a.shape[1] != width:
         raise ValueError(f"estimate {a.shape} and truth {b.shape} must both be (n, {width})")

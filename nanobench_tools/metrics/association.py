@@ -19,9 +19,21 @@ SAME_STAMP_S = 1e-6
 
 
 def snap(time_s: np.ndarray, truth_time_s: np.ndarray) -> np.ndarray:
-    """``time_s`` (n,) with timestamps within SAME_STAMP_S of a truth row set to that row's timestamp exactly.
+    """Set timestamps within SAME_STAMP_S of a truth row to that row's timestamp exactly.
 
     Timestamps that went through Unix time and text otherwise miss the first and last row by rounding.
+
+    Parameters
+    ----------
+    time_s : ndarray
+        (n,) s.
+    truth_time_s : ndarray
+        (m,) s, rising.
+
+    Returns
+    -------
+    ndarray
+        (n,) s.
     """
     at, t = np.asarray(time_s, float), np.asarray(truth_time_s, float)
     after = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
@@ -31,8 +43,19 @@ def snap(time_s: np.ndarray, truth_time_s: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Association:
-    """Truth at the kept timestamps: kept (n,) bool over the estimate's rows; ``position_m`` (k, 3) m; ``quaternion``
-    (k, 4); ``velocity_m_s`` (k, 3) m/s or None; dropped = number of timestamps left out."""
+    """Truth at the kept timestamps.
+
+    Attributes
+    ----------
+    kept : ndarray
+        (n,) bool over the estimate's rows; k of them are kept.
+    position_m : ndarray
+        (k, 3) m, world.
+    quaternion : ndarray
+        (k, 4) x, y, z, w, body to world.
+    velocity_m_s : ndarray or None
+        (k, 3) m/s, world.
+    """
 
     kept: np.ndarray
     position_m: np.ndarray
@@ -41,16 +64,42 @@ class Association:
 
     @property
     def dropped(self) -> int:
+        """Number of timestamps that are left out."""
         return int(np.sum(~self.kept))
 
 
 def associate(time_s: np.ndarray, truth_time_s: np.ndarray, position_m: np.ndarray, quaternion: np.ndarray,
               velocity_m_s: np.ndarray | None = None, maximum_gap_s: float = MAXIMUM_GAP_S) -> Association:
-    """Truth at ``time_s`` (n,) s: position and velocity linear, attitude by slerp between neighbouring rows.
+    """Return the truth at an estimator's timestamps.
 
-    truth_time_s (m,) s, strictly rising; position_m (m, 3) m; quaternion (m, 4); velocity_m_s (m, 3) m/s or None. A
-    timestamp equal to a truth row gets that row exactly. Timestamps outside the truth's span, inside a hole longer than
-    maximum_gap_s, or not finite are dropped. Raises ValueError if the truth is not strictly rising.
+    Position and velocity are interpolated linearly, attitude by slerp between neighbouring rows. A timestamp equal
+    to a truth row gets that row exactly. Timestamps outside the truth's span, inside a long hole, or not finite are
+    dropped.
+
+    Parameters
+    ----------
+    time_s : ndarray
+        (n,) s of the estimate.
+    truth_time_s : ndarray
+        (m,) s, strictly rising.
+    position_m : ndarray
+        (m, 3) m of the truth.
+    quaternion : ndarray
+        (m, 4) x, y, z, w of the truth.
+    velocity_m_s : ndarray, optional
+        (m, 3) m/s of the truth.
+    maximum_gap_s : float
+        Longest hole of the truth that is interpolated, s.
+
+    Returns
+    -------
+    Association
+        Truth at the kept timestamps.
+
+    Raises
+    ------
+    ValueError
+        For a truth that is not strictly rising, or of fewer than two rows.
     """
     at, t = np.asarray(time_s, float), np.asarray(truth_time_s, float)
     if len(t) < 2 or not (np.diff(t) > 0.0).all():

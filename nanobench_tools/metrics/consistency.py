@@ -1,6 +1,8 @@
-"""Is the covariance an estimator states the size of its real error? NEES and NIS with chi-square bands.
+"""Does the covariance of an estimator agree with its error? NEES and NIS with chi-square bands.
 
-Source: Bar-Shalom, Li, Kirubarajan, "Estimation with Applications to Tracking and Navigation" (2001), section 5.4.
+References
+----------
+Bar-Shalom, Li, Kirubarajan 2001, "Estimation with Applications to Tracking and Navigation", section 5.4.
 """
 
 from dataclasses import dataclass
@@ -11,8 +13,23 @@ from scipy.stats import chi2
 
 @dataclass(frozen=True)
 class Consistency:
-    """Mean normalised squared error, expected to be ``dimension``, and its band. The mean is in the band with
-    ``probability`` if the filter is consistent and the n errors are independent."""
+    """Mean normalised squared error and its band.
+
+    The mean is in the band with ``probability`` if the filter is consistent and the n errors are independent.
+
+    Attributes
+    ----------
+    mean : float
+        Expected to be ``dimension``.
+    dimension : int
+        Of the error.
+    n : int
+        Number of errors.
+    band : tuple of float
+        Low and high end.
+    probability : float
+        Of the band.
+    """
 
     mean: float
     dimension: int
@@ -29,10 +46,24 @@ class Consistency:
 
 
 def normalised_squared(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """(n,): e^T P^-1 e; error (n, k) in any units, covariance (n, k, k) or (k, k) in their squares.
+    """Compute e^T P^-1 e: NEES of a state error and its covariance, NIS of an innovation and its covariance S.
 
-    NEES when e is the state error and P its covariance, NIS when e is the innovation and P its covariance S.
-    Attitude errors enter as rotation vectors (log of R^T R_est). Raises ValueError if P is not positive definite.
+    Parameters
+    ----------
+    error : ndarray
+        (n, k) in any units. Attitude errors are rotation vectors, the logarithm of R^T R_est.
+    covariance : ndarray
+        (n, k, k) or (k, k) in their squares.
+
+    Returns
+    -------
+    ndarray
+        (n,).
+
+    Raises
+    ------
+    ValueError
+        For shapes that do not fit, or a covariance that is not positive definite.
     """
     e, p = np.asarray(error, float), np.asarray(covariance, float)
     if e.ndim != 2 or p.shape[-2:] != (e.shape[1], e.shape[1]) or (p.ndim == 3 and len(p) != len(e)):
@@ -46,10 +77,29 @@ def normalised_squared(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 
 
 def consistency(error: np.ndarray, covariance: np.ndarray, probability: float = 0.95) -> Consistency:
-    """Average NEES (or NIS) with its chi-square band: n mean ~ chi2(n k) if consistent and independent in time.
+    """Compute the average NEES (or NIS) with its chi-square band: n mean ~ chi2(n k).
 
-    Errors of one filter run are correlated in time, so the band is too narrow. The mean over flights of thinned rows
-    is the honest input.
+    Errors of one filter run are correlated in time, so the band is too narrow for them. Give the means over flights, or
+    thinned rows.
+
+    Parameters
+    ----------
+    error : ndarray
+        (n, k) in any units. Attitude errors are rotation vectors, the logarithm of R^T R_est.
+    covariance : ndarray
+        (n, k, k) or (k, k) in their squares.
+    probability : float
+        Of the band.
+
+    Returns
+    -------
+    Consistency
+        Mean, band, and a verdict.
+
+    Raises
+    ------
+    ValueError
+        Without errors, and as of ``normalised_squared``.
     """
     values = normalised_squared(error, covariance)
     n, k = np.asarray(error).shape
@@ -61,12 +111,24 @@ def consistency(error: np.ndarray, covariance: np.ndarray, probability: float = 
 
 
 def independent_samples(white: np.ndarray) -> float:
-    """Number of independent rows to which the (n, k) rows are equivalent where their squares are averaged. It is n /
-    (1 + 2 sum r_j^2), at least 1. Here r is the autocorrelation of a column about zero, up to where the mean over
-    columns first falls below 0.05.
+    """Return the number of independent rows to which correlated rows are equivalent where their squares are averaged.
 
-    Squares of Gaussian numbers with correlation r have correlation r^2. Bayley and Hammersley, "The 'effective' number
-    of independent observations in an autocorrelated time series" (1946), for a variance.
+    It is n / (1 + 2 sum r_j^2), at least 1. Here r is the autocorrelation of a column about zero, up to where the mean
+    over columns first falls below 0.05. Squares of Gaussian numbers with correlation r have correlation r^2.
+
+    Parameters
+    ----------
+    white : ndarray
+        (n, k).
+
+    Returns
+    -------
+    float
+        1 to n.
+
+    References
+    ----------
+    Bayley, Hammersley 1946, "The 'effective' number of independent observations in an autocorrelated time series".
     """
     x = np.asarray(white, float)
     n = len(x)

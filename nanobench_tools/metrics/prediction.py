@@ -1,7 +1,11 @@
 """Multi-horizon prediction errors: mean absolute error h = 1..H steps after a window's start.
 
-Source: Busetto et al., "Nonlinear System Identification Nano-drone Benchmark" (2025), eqs. of MAE_h, with two
-corrections. Windows never cross a flight boundary, and q and -q are the same attitude.
+The equations are those of MAE_h with two corrections. Windows never cross a flight boundary, and q and -q are the same
+attitude.
+
+References
+----------
+Busetto et al. 2025, "Nonlinear System Identification Nano-drone Benchmark".
 """
 
 from collections.abc import Sequence
@@ -16,11 +20,27 @@ HORIZONS = (1, 10, 50)
 
 
 def window_starts(lengths: Sequence[int], horizon: int, every: int = 1) -> np.ndarray:
-    """First rows of all windows in an array of stretches laid end to end; ``lengths`` are their numbers of rows.
+    """Return the first rows of all windows in an array of stretches laid end to end.
 
-    A window has its start row and ``horizon`` rows after it, all in one stretch: none crosses a boundary. Windows
-    start at the first row of each stretch and every ``every`` rows.
+    A window has its start row and ``horizon`` rows after it, all in one stretch. Windows start at the first row of each
+    stretch and every ``every`` rows.
 
+    Parameters
+    ----------
+    lengths : sequence of int
+        Numbers of rows of the stretches.
+    horizon : int
+        Rows after the start.
+    every : int
+        Rows between starts.
+
+    Returns
+    -------
+    ndarray
+        (k,) row numbers.
+
+    Examples
+    --------
     >>> window_starts([4, 2, 3], horizon=2).tolist()
     [0, 1, 6]
     """
@@ -31,10 +51,24 @@ def window_starts(lengths: Sequence[int], horizon: int, every: int = 1) -> np.nd
 
 
 def window_errors(predicted: Prediction, true: Prediction) -> dict[str, np.ndarray]:
-    """Errors of n windows at steps 1..H, each (n, H): |p - p| m, |v - v| m/s, geodesic angle rad, |w - w| rad/s.
+    """Compute errors of n windows at steps 1..H.
 
-    Both Predictions hold position_m, velocity_m_s, rate_rad_s (n, H, 3) and quaternion (n, H, 4). A prediction that
-    is not finite counts as nan, not as good. Raises ValueError when shapes differ.
+    A prediction that is not finite counts as nan, not as good.
+
+    Parameters
+    ----------
+    predicted, true : Prediction
+        Positions, velocities and rates (n, H, 3), quaternions (n, H, 4).
+
+    Returns
+    -------
+    dict
+        (n, H) each: |p - p| m, |v - v| m/s, geodesic angle rad, |w - w| rad/s, by the names of QUANTITIES.
+
+    Raises
+    ------
+    ValueError
+        Where shapes differ.
     """
     for name in ("position_m", "velocity_m_s", "quaternion", "rate_rad_s"):
         found, wanted = getattr(predicted, name).shape, getattr(true, name).shape
@@ -47,9 +81,21 @@ def window_errors(predicted: Prediction, true: Prediction) -> dict[str, np.ndarr
 
 
 def multi_horizon(mean_errors: np.ndarray, horizons: Sequence[int] = HORIZONS) -> dict[str, float]:
-    """{"1": MAE_1, "10": ..., "50": ..., "sum": MAE_1 + ... + MAE_H} from the mean error per step (H,).
+    """Return MAE_h at some horizons, and their sum over 1..H.
 
-    MAE_h = mean over windows of the error h steps after the start; horizons beyond H are left out.
+    MAE_h is the mean over windows of the error h steps after the start.
+
+    Parameters
+    ----------
+    mean_errors : ndarray
+        (H,) mean error per step.
+    horizons : sequence of int
+        Those beyond H are left out.
+
+    Returns
+    -------
+    dict
+        ``{"1": MAE_1, "10": .., "50": .., "sum": MAE_1 + .. + MAE_H}``, in the unit of the errors.
     """
     at = {str(h): float(mean_errors[h - 1]) for h in horizons if h <= len(mean_errors)}
     return {**at, "sum": float(np.sum(mean_errors))}

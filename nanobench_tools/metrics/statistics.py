@@ -39,8 +39,17 @@ Labels = Sequence[int] | np.ndarray | None
 
 @dataclass(frozen=True)
 class Interval:
-    """``low``, ``high`` (...): the 95 % interval, or None. ``why``: the reason for None or for distrust, otherwise
-    empty. ``sessions``: number of sessions, None if unknown or if draws are independent."""
+    """95 % intervals of statistics.
+
+    Attributes
+    ----------
+    low, high : ndarray or None
+        (...) both ends; None without an interval.
+    why : str
+        Reason for None or for distrust, otherwise empty.
+    sessions : int or None
+        Number of sessions; None if unknown or if draws are independent.
+    """
 
     low: np.ndarray | None
     high: np.ndarray | None
@@ -48,7 +57,18 @@ class Interval:
     sessions: int | None
 
     def ends(self, *at: int) -> tuple[float, float] | None:
-        """(low, high) of one statistic; None without interval, and where the draws leave it undefined."""
+        """Return the interval of one statistic.
+
+        Parameters
+        ----------
+        *at : int
+            Its index.
+
+        Returns
+        -------
+        tuple of float or None
+            Low and high end; None without an interval, and where the draws leave it undefined.
+        """
         if self.low is None or self.high is None:
             return None
         found = float(self.low[at]), float(self.high[at])
@@ -59,9 +79,22 @@ class Interval:
 class Summary(Result):
     """Statistics over n flights, in the unit of their values; undefined ones are None.
 
-    ``std`` has ddof 0. ``ci95`` is that of the mean. ``ci_why`` gives the reason if it is missing or not to be trusted.
-
-    intra_class: correlation of flights of one session.
+    Attributes
+    ----------
+    mean, std, median, p90 : float or None
+        ``std`` has ddof 0; ``p90`` is the 90th percentile.
+    ci95 : tuple of float or None
+        95 % interval of the mean.
+    n : int
+        Number of flights.
+    sessions : int or None
+        Number of sessions, None if unknown.
+    design_effect : float or None
+        Variance of the mean over that of independent flights.
+    intra_class : float or None
+        Correlation of flights of one session.
+    ci_why : str
+        Why the interval is missing or too narrow; empty otherwise.
     """
 
     mean: float | None
@@ -78,7 +111,19 @@ class Summary(Result):
 
 @dataclass(frozen=True, repr=False)
 class PairedRatio(Result):
-    """Mean of ours over mean of theirs over the same n flights; ``ci_why`` as of a ``Summary``."""
+    """Mean of our errors over the mean of theirs, over the same n flights.
+
+    Attributes
+    ----------
+    ratio : float or None
+        Below one where ours are smaller.
+    ci95 : tuple of float or None
+        95 % interval over pairs.
+    n : int
+        Number of flights.
+    ci_why : str
+        Why the interval is missing or too narrow; empty otherwise.
+    """
 
     ratio: float | None
     ci95: tuple[float, float] | None
@@ -87,14 +132,38 @@ class PairedRatio(Result):
 
 
 def session_count(sessions: Labels) -> int | None:
-    """How many sessions the flights are of; None where one has no date, and for independent draws."""
+    """Return the number of sessions of flights.
+
+    Parameters
+    ----------
+    sessions : (n,) int, optional
+        Session of each flight; None where flights are independent draws.
+
+    Returns
+    -------
+    int or None
+        None where one flight has no date, and for independent draws.
+    """
     if sessions is None or (labels := np.asarray(sessions, int)).size == 0 or (labels == UNKNOWN).any():
         return None
     return len(np.unique(labels))
 
 
 def why_not(n: int, sessions: Labels) -> str:
-    """Why an interval over ``n`` flights is missing or not to be trusted; empty where it can be."""
+    """Return why an interval over flights is missing or not to be trusted.
+
+    Parameters
+    ----------
+    n : int
+        Number of flights.
+    sessions : (n,) int, optional
+        Session of each flight; None where flights are independent draws.
+
+    Returns
+    -------
+    str
+        Empty where it can be trusted.
+    """
     found = session_count(sessions)
     if n < 2:
         return "one flight" if n else "no flight"
@@ -106,8 +175,24 @@ def why_not(n: int, sessions: Labels) -> str:
 
 
 def weights(n: int, sessions: Labels = None, seed: int = 0, resamples: int = RESAMPLES) -> np.ndarray | None:
-    """(resamples, n) how often each of n flights is drawn, in their own order, for whoever refits to draws; None where
-    ``why_not`` says that there is no interval."""
+    """Return how often each flight is drawn, for refits to draws.
+
+    Parameters
+    ----------
+    n : int
+        Number of flights.
+    sessions : (n,) int, optional
+        Session of each flight; None where flights are independent draws.
+    seed : int
+        Of the draws.
+    resamples : int
+        Number of draws.
+
+    Returns
+    -------
+    ndarray or None
+        (resamples, n) in the order of the flights; None where ``why_not`` excludes an interval.
+    """
     found = session_count(sessions)
     if n < 2 or found == 1:
         return None
@@ -119,18 +204,55 @@ def weights(n: int, sessions: Labels = None, seed: int = 0, resamples: int = RES
 
 
 def refit_weights(n: int, sessions: Labels = None, seed: int = 0, resamples: int = RESAMPLES) -> np.ndarray:
-    """(resamples, n) as ``weights``, for the spread of refits even where it is not an interval. With a single session,
-    flights alone are resampled, and that spread is too narrow."""
+    """Return ``weights`` for the spread of refits, even where it is not an interval.
+
+    With a single session, flights alone are resampled, and that spread is too narrow.
+
+    Parameters
+    ----------
+    n : int
+        Number of flights.
+    sessions : (n,) int, optional
+        Session of each flight; None where flights are independent draws.
+    seed : int
+        Of the draws.
+    resamples : int
+        Number of draws.
+
+    Returns
+    -------
+    ndarray
+        (resamples, n).
+    """
     found = weights(n, sessions, seed, resamples)
     return draws(tuple(range(n)), seed, resamples) if found is None else found
 
 
 def pooled_interval(sums: np.ndarray, counts: np.ndarray, sessions: Labels = None, seed: int = 0,
                     probability: float = 0.95, resamples: int = RESAMPLES) -> Interval:
-    """Interval of sum(sums) / sum(counts) over flights; independent of the order of the flights.
+    """Compute the interval of sum(sums) / sum(counts) over flights; it does not depend on the order of the flights.
 
-    sums (n, ...) per flight. counts (n,) or (n, ...): windows, or the sums of another method. sessions (n,) or None.
     Percentiles of the two-stage draws; BCa (Efron 1987) below FEW_FLIGHTS if all flights are independent.
+
+    Parameters
+    ----------
+    sums : ndarray
+        (n, ...) per flight.
+    counts : ndarray
+        (n,) or (n, ...): windows, or the sums of another method.
+    sessions : (n,) int, optional
+        Session of each flight; None where flights are independent draws.
+    seed : int
+        Of the draws.
+    probability : float
+        Of the interval.
+    resamples : int
+        Number of draws.
+
+    Returns
+    -------
+    Interval
+        Of shape (...).
     """
     total, n = np.asarray(sums, float), np.asarray(counts, float)
     flights, shape = len(total), total.shape[1:]
@@ -159,8 +281,22 @@ def _in_order(total: np.ndarray, n: np.ndarray, owner: np.ndarray) -> tuple[np.n
 
 @lru_cache(maxsize=64)
 def draws(owner: tuple[int, ...], seed: int = 0, resamples: int = RESAMPLES) -> np.ndarray:
-    """(resamples, n) how often each flight is drawn; owner: the session (0, 1 ...) of each, in rising order. Sessions
-    are drawn first, then within each drawn session as many flights as it has."""
+    """Return how often each flight is drawn: sessions first, then within each drawn session as many flights as it has.
+
+    Parameters
+    ----------
+    owner : tuple of int
+        (n) session (0, 1 ...) of each flight, in rising order.
+    seed : int
+        Of the draws.
+    resamples : int
+        Number of draws.
+
+    Returns
+    -------
+    ndarray
+        (resamples, n), read-only.
+    """
     rng = np.random.default_rng(seed)
     labels = np.array(owner)
     sizes = np.bincount(labels)
@@ -190,13 +326,26 @@ def _bca(total: np.ndarray, n: np.ndarray, seed: int, probability: float,
 
 
 def intra_class(values: np.ndarray, sessions: Labels) -> np.ndarray | None:
-    """(...) intra-class correlation of flights (n, ...) of one session, from 0 to 1.
+    """Compute the intra-class correlation of flights of one session.
 
-    One-way analysis of variance with random effects (Donner 1986, doi:10.2307/1403259): (MSB - MSW) / (MSB + (m0 - 1)
-    MSW).
+    One-way analysis of variance with random effects: (MSB - MSW) / (MSB + (m0 - 1) MSW). Here m0 is the average size (n
+    - sum m^2 / n) / (sessions - 1).
 
-    Here m0 is the average size (n - sum m^2 / n) / (sessions - 1). None for unknown sessions, one session, or one
-    flight each.
+    Parameters
+    ----------
+    values : ndarray
+        (n, ...) per flight.
+    sessions : (n,) int, optional
+        Session of each flight; None where flights are independent draws.
+
+    Returns
+    -------
+    ndarray or None
+        (...) 0 to 1; None for unknown sessions, one session, or one flight each.
+
+    References
+    ----------
+    Donner 1986, doi:10.2307/1403259.
     """
     x, found = np.asarray(values, float), session_count(sessions)
     if found is None or not 1 < found < len(x):
@@ -215,10 +364,26 @@ def intra_class(values: np.ndarray, sessions: Labels) -> np.ndarray | None:
 
 
 def design_effect(values: np.ndarray, sessions: Labels) -> np.ndarray | None:
-    """(...) ratio of the variance of a mean over flights (n, ...) to that of independent flights.
+    """Compute the variance of a mean over flights over that of independent flights.
 
-    1 + (m - 1) * intra-class correlation, m = sum m^2 / n the size of a flight's session (Kish 1965). An interval over
-    flights alone is too narrow by its square root. None as ``intra_class``.
+    1 + (m - 1) * intra-class correlation, with m = sum m^2 / n the size of a flight's session. An interval over flights
+    alone is too narrow by its square root.
+
+    Parameters
+    ----------
+    values : ndarray
+        (n, ...) per flight.
+    sessions : (n,) int, optional
+        Session of each flight; None where flights are independent draws.
+
+    Returns
+    -------
+    ndarray or None
+        (...); None as ``intra_class``.
+
+    References
+    ----------
+    Kish 1965, "Survey Sampling".
     """
     correlation = intra_class(values, sessions)
     if correlation is None:
@@ -229,25 +394,85 @@ def design_effect(values: np.ndarray, sessions: Labels) -> np.ndarray | None:
 
 def bootstrap_interval(values: Sequence[float] | np.ndarray, seed: int = 0, probability: float = 0.95,
                        resamples: int = RESAMPLES, sessions: Labels = None) -> tuple[float, float] | None:
-    """95 % interval of the mean over flights, values (n,), sessions (n,); None if ``why_not`` gives a reason."""
+    """Compute the interval of the mean over flights.
+
+    Parameters
+    ----------
+    values : array_like
+        (n,) per flight.
+    seed : int
+        Of the draws.
+    probability : float
+        Of the interval.
+    resamples : int
+        Number of draws.
+    sessions : (n,) int, optional
+        Session of each flight; None where flights are independent draws.
+
+    Returns
+    -------
+    tuple of float or None
+        Low and high end; None if ``why_not`` gives a reason.
+    """
     x = np.asarray(values, float)
     return pooled_interval(x, np.ones(len(x)), sessions, seed, probability, resamples).ends()
 
 
 def bootstrap_ratio(sums: np.ndarray, counts: np.ndarray, seed: int = 0, probability: float = 0.95,
                     resamples: int = RESAMPLES, sessions: Labels = None) -> tuple[np.ndarray, np.ndarray] | None:
-    """Intervals of pooled means: flights are drawn, then all their windows are pooled; None for fewer than two flights
-    or one session. sums (n, ...) of errors per flight, counts (n,) of windows behind them. (low, high), each (...)."""
+    """Compute intervals of pooled means: flights are drawn, then all their windows are pooled.
+
+    Parameters
+    ----------
+    sums : ndarray
+        (n, ...) errors per flight.
+    counts : ndarray
+        (n,) windows behind them.
+    seed : int
+        Of the draws.
+    probability : float
+        Of the interval.
+    resamples : int
+        Number of draws.
+    sessions : (n,) int, optional
+        Session of each flight; None where flights are independent draws.
+
+    Returns
+    -------
+    tuple of ndarray or None
+        Low and high ends, (...) each; None for fewer than two flights or one session.
+    """
     found = pooled_interval(sums, counts, sessions, seed, probability, resamples)
     return None if found.low is None or found.high is None else (found.low, found.high)
 
 
 def summary(values: Sequence[float] | np.ndarray, seed: int = 0, sessions: Labels = None) -> Summary:
-    """Of values (n,) over flights. One flight has neither deviation nor interval.
+    """Summarise values over flights. One flight has neither deviation nor interval.
 
-    A flight where the metric is not defined (nan: a path too short, no rotation to align) is left out, and n counts
-    the rest. With none left every figure is None. Raises ValueError on infinity: that is a fault, not a figure.
+    A flight where the metric is not defined (nan: a path too short, no rotation to align) is left out, and n counts the
+    rest. With no flight left every figure is None.
 
+    Parameters
+    ----------
+    values : array_like
+        (n,) per flight.
+    seed : int
+        Of the draws.
+    sessions : (n,) int, optional
+        Session of each flight; None where flights are independent draws.
+
+    Returns
+    -------
+    Summary
+        In the unit of the values.
+
+    Raises
+    ------
+    ValueError
+        On infinity.
+
+    Examples
+    --------
     >>> found = summary([1.0, 3.0])
     >>> found.std, summary([2.0]).ci95, summary([2.0]).ci_why
     (1.0, None, 'one flight')
@@ -258,8 +483,29 @@ def summary(values: Sequence[float] | np.ndarray, seed: int = 0, sessions: Label
 
 
 def summary_table(values: np.ndarray, seed: int = 0, sessions: Labels = None) -> list[Summary]:
-    """``summary`` of every column of values (n, k), faster than one by one. Columns that are defined for the same
-    flights share their draws."""
+    """Compute ``summary`` of every column, faster than one by one.
+
+    Columns that are defined for the same flights share their draws.
+
+    Parameters
+    ----------
+    values : ndarray
+        (n, k).
+    seed : int
+        Of the draws.
+    sessions : (n,) int, optional
+        Session of each flight; None where flights are independent draws.
+
+    Returns
+    -------
+    list of Summary
+        (k).
+
+    Raises
+    ------
+    ValueError
+        On infinity.
+    """
     x = np.asarray(values, float)
     labels = None if sessions is None else np.asarray(sessions, int)
     if np.isinf(x).any():
@@ -304,9 +550,26 @@ def _reason(ends: tuple[float, float] | None, why: str) -> str:
 
 
 def paired_ratio(ours: np.ndarray, theirs: np.ndarray, seed: int = 0, sessions: Labels = None) -> list[PairedRatio]:
-    """Of every column: mean of ``ours`` over mean of ``theirs``, both (n, k) one row per flight. Both use the same
-    drawn flights. Flights that lack either are left out.
+    """Compute the mean of ours over the mean of theirs, for every column.
 
+    Both use the same drawn flights. Flights that lack either are left out.
+
+    Parameters
+    ----------
+    ours, theirs : ndarray
+        (n, k), one row per flight.
+    seed : int
+        Of the draws.
+    sessions : (n,) int, optional
+        Session of each flight; None where flights are independent draws.
+
+    Returns
+    -------
+    list of PairedRatio
+        (k).
+
+    Examples
+    --------
     >>> paired_ratio(np.array([[1.0], [2.0]]), np.array([[2.0], [4.0]]))[0].ratio
     0.5
     """
@@ -329,5 +592,16 @@ def paired_ratio(ours: np.ndarray, theirs: np.ndarray, seed: int = 0, sessions: 
 
 
 def excludes_one(ci95: Sequence[float] | None) -> bool:
-    """Whether a difference may be called one: the interval of the ratio holds only values above or only below 1."""
+    """Return whether a difference is significant: the interval of the ratio has only values above or only below 1.
+
+    Parameters
+    ----------
+    ci95 : sequence of float or None
+        Low and high end.
+
+    Returns
+    -------
+    bool
+        False without an interval.
+    """
     return ci95 is not None and not ci95[0] <= 1.0 <= ci95[1]

@@ -19,7 +19,15 @@ MINIMUM_SPEED_M_S = number("tasks.timing.minimum_speed_m_s")
 
 @dataclass(frozen=True)
 class TrackErrors:
-    """RMS along and across the true track [m] over the ``n`` rows that move."""
+    """Errors along and across the true track, over the rows that move.
+
+    Attributes
+    ----------
+    along_rmse_m, across_rmse_m : float
+        RMS, m.
+    n : int
+        Number of rows.
+    """
 
     along_rmse_m: float
     across_rmse_m: float
@@ -28,9 +36,26 @@ class TrackErrors:
 
 def along_across(estimate_m: np.ndarray, truth_m: np.ndarray, velocity_m_s: np.ndarray,
                  minimum_speed_m_s: float = MINIMUM_SPEED_M_S) -> TrackErrors:
-    """Splits p_est - p into e.u (along) and |e - (e.u) u| (across), u = v/|v| the true direction.
+    """Split p_est - p into e.u (along) and |e - (e.u) u| (across), with u = v/|v| the true direction.
 
-    estimate_m, truth_m (n, 3) m; velocity_m_s (n, 3) m/s of the truth. nan when nothing moves.
+    Parameters
+    ----------
+    estimate_m, truth_m : ndarray
+        (n, 3) m, in the same frame.
+    velocity_m_s : ndarray
+        (n, 3) m/s of the truth.
+    minimum_speed_m_s : float
+        Slower rows are left out, m/s.
+
+    Returns
+    -------
+    TrackErrors
+        RMS of both, m; nan where no row moves.
+
+    Raises
+    ------
+    ValueError
+        For other shapes, no rows, or values that are not finite.
     """
     estimate, truth = checked_pair(estimate_m, truth_m)
     velocity = checked_pair(velocity_m_s, truth)[0]
@@ -46,8 +71,19 @@ def along_across(estimate_m: np.ndarray, truth_m: np.ndarray, velocity_m_s: np.n
 
 @dataclass(frozen=True)
 class Delay:
-    """The one constant delay that fits best: delay_s [s], positive when the estimate is late. Also the RMS position
-    error [m] with it removed, and the rows (indices) it was computed on."""
+    """The one constant delay that fits best.
+
+    Attributes
+    ----------
+    delay_s : float
+        s, positive where the estimate is late.
+    rmse_after_m : float
+        RMS position error with the delay removed, m.
+    rows : ndarray
+        (k,) rows that it was computed on.
+    truth_m, velocity_m_s : ndarray
+        (k, 3) m and m/s: the truth at these rows, with the delay removed.
+    """
 
     delay_s: float
     rmse_after_m: float
@@ -58,10 +94,32 @@ class Delay:
 
 def constant_delay(time_s: np.ndarray, estimate_m: np.ndarray, truth_time_s: np.ndarray, truth_m: np.ndarray,
                    limit_s: float = 0.25) -> Delay:
-    """Finds d in [-limit_s, limit_s] that minimises sum |p_est(t) - p(t - d)|^2, p a cubic spline through the truth.
+    """Find the delay d that minimises sum |p_est(t) - p(t - d)|^2, with p a cubic spline through the truth.
 
-    time_s (n,) s and estimate_m (n, 3) m; truth_time_s (m,) s rising and truth_m (m, 3) m. Rows nearer than limit_s to
-    the ends of the truth are left out, so that every d is judged on the same rows. Raises ValueError when none is left.
+    Rows nearer than ``limit_s`` to the ends of the truth are left out, so that every d is judged on the same rows.
+
+    Parameters
+    ----------
+    time_s : ndarray
+        (n,) s.
+    estimate_m : ndarray
+        (n, 3) m.
+    truth_time_s : ndarray
+        (m,) s, rising.
+    truth_m : ndarray
+        (m, 3) m.
+    limit_s : float
+        Largest delay that is searched, s.
+
+    Returns
+    -------
+    Delay
+        The delay and the remaining error.
+
+    Raises
+    ------
+    ValueError
+        Where no row is left.
     """
     time_s, estimate = np.asarray(time_s, float), np.asarray(estimate_m, float)
     spline = CubicSpline(truth_time_s, truth_m)

@@ -21,27 +21,85 @@ SATURATED_PWM = 65000.0 / 65535.0
 
 
 def position_errors(position_m: np.ndarray, setpoint_m: np.ndarray) -> np.ndarray:
-    """(n,) m: |p - p_sp|. Its RMS is RMSE_p, its mean ADE."""
+    """Compute |p - p_sp|. Its RMS is RMSE_p, its mean ADE.
+
+    Parameters
+    ----------
+    position_m, setpoint_m : ndarray
+        (n, 3) m, world, at the same times.
+
+    Returns
+    -------
+    ndarray
+        (n,) m.
+
+    Raises
+    ------
+    ValueError
+        For other shapes, no rows, or values that are not finite.
+    """
     position, setpoint = checked_pair(position_m, setpoint_m)
     return np.asarray(np.linalg.norm(position - setpoint, axis=1))
 
 
 def divergence_percent(errors_m: np.ndarray, limit_m: float = DIVERGENCE_M) -> float:
-    """Share of rows with an error above ``limit_m`` [%]; errors_m (n,) m."""
+    """Compute the share of rows with a large error.
+
+    Parameters
+    ----------
+    errors_m : ndarray
+        (n,) m.
+    limit_m : float
+        Error above which a row counts, m.
+
+    Returns
+    -------
+    float
+        %.
+    """
     return float(100.0 * np.mean(np.asarray(errors_m) > limit_m))
 
 
 def worst_decile(errors_m: np.ndarray) -> float:
-    """Mean of the largest tenth of the errors [m], at least one row; errors_m (n,) m."""
+    """Compute the mean of the largest tenth of the errors, at least one row.
+
+    Parameters
+    ----------
+    errors_m : ndarray
+        (n,) m.
+
+    Returns
+    -------
+    float
+        m.
+    """
     worst = np.sort(errors_m)[-max(len(errors_m) // 10, 1):]
     return float(np.mean(worst))
 
 
 def setpoint_velocity(time_s: np.ndarray, setpoint_m: np.ndarray, window: int = 31, order: int = 3) -> np.ndarray:
-    """(n, 3) m/s: Savitzky-Golay derivative of the setpoint over ``window`` rows (0.31 s at 100 Hz), order 3.
+    """Compute the Savitzky-Golay derivative of the setpoint, which smooths the corners that radio gaps leave in a log.
 
-    time_s (n,) s, taken as evenly spaced at its median step. Smooths the corners that radio gaps leave in a logged
-    setpoint; raises ValueError for fewer rows than the window.
+    Parameters
+    ----------
+    time_s : ndarray
+        (n,) s, taken as evenly spaced at its median step.
+    setpoint_m : ndarray
+        (n, 3) m, world.
+    window : int
+        Rows; 31 are 0.31 s at 100 Hz.
+    order : int
+        Of the polynomial.
+
+    Returns
+    -------
+    ndarray
+        (n, 3) m/s, world.
+
+    Raises
+    ------
+    ValueError
+        For fewer rows than the window.
     """
     if len(time_s) < window:
         raise ValueError(f"{len(time_s)} rows are fewer than the {window} of the derivative's window")
@@ -50,38 +108,108 @@ def setpoint_velocity(time_s: np.ndarray, setpoint_m: np.ndarray, window: int = 
 
 
 def velocity_rmse(velocity_m_s: np.ndarray, reference_m_s: np.ndarray) -> float:
-    """sqrt(mean |v - v_sp|^2) [m/s] over the 3-vector; both (n, 3) m/s."""
+    """Compute sqrt(mean |v - v_sp|^2) over the 3-vector.
+
+    Parameters
+    ----------
+    velocity_m_s, reference_m_s : ndarray
+        (n, 3) m/s, in the same frame.
+
+    Returns
+    -------
+    float
+        m/s.
+
+    Raises
+    ------
+    ValueError
+        For other shapes, no rows, or values that are not finite.
+    """
     velocity, reference = checked_pair(velocity_m_s, reference_m_s)
     return rms(np.linalg.norm(velocity - reference, axis=1))
 
 
 def published_velocity_rmse(time_s: np.ndarray, velocity_m_s: np.ndarray, setpoint_m: np.ndarray) -> float:
-    """NanoBench's published velocity error [m/s]: the reference is the raw step to the next setpoint over dt.
+    """Compute NanoBench's published velocity error: the reference is the raw step to the next setpoint over dt.
 
-    time_s (n,) s; velocity_m_s (n, 3) m/s; setpoint_m (n, 3) m; the last row has no next one and is left out. A jump
-    of the setpoint counts as a velocity of tens of m/s: kept only to reproduce the table.
+    A jump of the setpoint counts as a velocity of tens of m/s. It is kept only to reproduce the table.
+
+    Parameters
+    ----------
+    time_s : ndarray
+        (n,) s.
+    velocity_m_s : ndarray
+        (n, 3) m/s, world; the last row has no next setpoint and is left out.
+    setpoint_m : ndarray
+        (n, 3) m, world.
+
+    Returns
+    -------
+    float
+        m/s.
     """
     return velocity_rmse(velocity_m_s[:-1], np.diff(setpoint_m, axis=0) / np.diff(time_s)[:, None])
 
 
 def heading_error_deg(yaw_rad: np.ndarray, setpoint_yaw_rad: np.ndarray) -> float:
-    """Mean |wrap(yaw - yaw_sp)| [deg]; both (n,) rad."""
+    """Compute the mean |wrap(yaw - yaw_sp)|.
+
+    Parameters
+    ----------
+    yaw_rad, setpoint_yaw_rad : ndarray
+        (n,) rad.
+
+    Returns
+    -------
+    float
+        deg.
+    """
     return float(np.degrees(np.mean(np.abs(so3.wrap_angle(np.asarray(yaw_rad) - np.asarray(setpoint_yaw_rad))))))
 
 
 def published_heading_error_deg(yaw_rad: np.ndarray, setpoint_yaw_deg: np.ndarray) -> float:
-    """NanoBench's published heading "error": the setpoint's degrees are taken for radians before both become degrees.
+    """Compute NanoBench's published heading "error": the setpoint's degrees are taken for radians before both become
+    degrees.
 
-    yaw_rad (n,) rad, setpoint_yaw_deg (n,) degrees. Kept only to reproduce the table.
+    It is kept only to reproduce the table.
+
+    Parameters
+    ----------
+    yaw_rad : ndarray
+        (n,) rad.
+    setpoint_yaw_deg : ndarray
+        (n,) degrees.
+
+    Returns
+    -------
+    float
+        Of a mixed unit.
     """
     return heading_error_deg(yaw_rad, setpoint_yaw_deg)
 
 
 def lag(time_s: np.ndarray, position_m: np.ndarray, setpoint_m: np.ndarray,
         limit_s: float = 1.0) -> tuple[float, float]:
-    """(lag_s, rmse_m): the one delay of the position behind its setpoint that fits best, and the RMS error left.
+    """Find the one delay of the position behind its setpoint that fits best.
 
-    time_s (n,) s strictly rising. Looked for within +-limit_s. Raises ValueError for a stretch shorter than that.
+    Parameters
+    ----------
+    time_s : ndarray
+        (n,) s, strictly rising.
+    position_m, setpoint_m : ndarray
+        (n, 3) m, world, at the same times.
+    limit_s : float
+        Largest delay that is searched, s.
+
+    Returns
+    -------
+    tuple of float
+        Delay [s], positive where the vehicle is late, and the remaining RMS error [m].
+
+    Raises
+    ------
+    ValueError
+        For a stretch shorter than ``limit_s``.
     """
     position, setpoint = checked_pair(position_m, setpoint_m)
     found = constant_delay(time_s, position, time_s, setpoint, limit_s)
@@ -89,9 +217,24 @@ def lag(time_s: np.ndarray, position_m: np.ndarray, setpoint_m: np.ndarray,
 
 
 def contour_errors(position_m: np.ndarray, setpoint_m: np.ndarray) -> np.ndarray:
-    """(n,) m: distance of each position to the nearest point of the setpoint's path, at any time.
+    """Compute the distance of each position to the nearest point of the setpoint's path, at any time.
 
     The path is the polyline through the setpoints; the nearest vertex is found by a tree, then its two sides are tried.
+
+    Parameters
+    ----------
+    position_m, setpoint_m : ndarray
+        (n, 3) m, world, at the same times.
+
+    Returns
+    -------
+    ndarray
+        (n,) m.
+
+    Raises
+    ------
+    ValueError
+        For other shapes, no rows, or values that are not finite.
     """
     position, setpoint = checked_pair(position_m, setpoint_m)
     nearest = cKDTree(setpoint).query(position)[1]
@@ -106,5 +249,18 @@ def contour_errors(position_m: np.ndarray, setpoint_m: np.ndarray) -> np.ndarray
 
 
 def saturated_percent(motor: np.ndarray, limit: float = SATURATED_PWM) -> float:
-    """Share of rows with any motor at its ceiling [%]; motor (n, 4) PWM ratio 0..1."""
+    """Compute the share of rows with any motor at its limit.
+
+    Parameters
+    ----------
+    motor : ndarray
+        (n, 4) PWM ratio, 0 to 1.
+    limit : float
+        Ratio above which a motor counts.
+
+    Returns
+    -------
+    float
+        %.
+    """
     return float(100.0 * np.mean(np.any(np.asarray(motor) > limit, axis=1)))

@@ -354,7 +354,23 @@ def parts(names: Sequence[str], sessions: Labels) -> tuple[list[list[str]], str]
 
 @dataclass(frozen=True, repr=False)
 class TuningRow(Result):
-    """Summaries over n flights of one filter, and the ratio of its errors to those as flown on the same flights."""
+    """One filter over n flights.
+
+    Attributes
+    ----------
+    what : str
+        ``logged estimate``, or the settings with which the filter was run again.
+    clock : str
+        ``as-recorded`` or ``retimed``.
+    n : int
+        Number of flights.
+    drawn : Drawn
+        Basis of the intervals.
+    metrics : mapping
+        Statistics over flights by metric.
+    ratios : mapping
+        Errors over those of ``replay as flown`` on the same flights.
+    """
 
     what: str
     clock: str
@@ -370,8 +386,25 @@ PRESSURE, TUNED = "with drag and centre of pressure", "with drag and noise setti
 
 @dataclass(frozen=True, repr=False)
 class OnboardTuning(Result):
-    """parameters: to set, by the firmware's names, found on all flights. held_out: flights that are left out together.
-    by_part: settings that score each part."""
+    """Content of tune_onboard.json.
+
+    Attributes
+    ----------
+    parameters : mapping
+        Values to set, by the firmware's names, found on all flights.
+    drag : Drag
+        Drag along body x and y [1/s] with intervals, and the height of the centre of pressure [m].
+    flown : Flown
+        Settings in flight: standard deviations of poses, and their delay [s].
+    held_out : str
+        Which flights are left out together.
+    rows : list of TuningRow
+        Scores of the logged estimate and of the filter run again, by settings and clock.
+    by_part : list of Settings
+        Settings that score each part.
+    flights : list of str
+        Names of the flights.
+    """
 
     parameters: Mapping[str, float]
     drag: Drag

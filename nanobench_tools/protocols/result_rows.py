@@ -84,12 +84,50 @@ class ClockRatios(Ratios):
 
 @dataclass(frozen=True, repr=False, kw_only=True)
 class EstimateRow(Result):
-    """One method over the n flights of one group: summaries over flights, of blackouts each flight's mean.
+    """One method over the n flights of one group.
 
-    ``given``: its inputs, in words; ``inputs``: the same in short, equal for methods that may be ranked against each
-    other; ``aiding``: how poses came; ``clock_evidence``: the streams that set the clock, for attitudes too where
-    these are others; ``n_moving``: flights whose clock moved; ``ratios`` to another method, ``clock_ratios`` to
-    itself.
+    Attributes
+    ----------
+    protocol, method : str
+        As for ``nanobench estimate``.
+    causal : bool or None
+        Whether an estimate at t uses only data up to t; null if unknown.
+    group : str
+        ``all``, or what its flights have in common, such as their speed.
+    n : int
+        Number of flights.
+    flights : list of str
+        Their names.
+    n_windows : mapping
+        Of blackouts: number of windows by their length.
+    given : str
+        Inputs of the method, in words.
+    inputs : str
+        The same in short; equal for methods that may be ranked against each other.
+    over_windows : mapping
+        Of blackouts: median and 90th percentile over windows, by metric.
+    dropped_stamps : int
+        Estimates without a pose of the motion capture near their time.
+    drawn : Drawn
+        Basis of the intervals: number of sessions, design effects, and why an interval is missing or too narrow.
+    metrics : mapping
+        Statistics over flights by metric, whose name ends in its unit. Of blackouts, each flight counts with its mean.
+    published : Published
+        The published row for comparison.
+    aiding : mapping
+        How poses came: rate, delay, noise and loss.
+    clock : str
+        ``as-recorded``, ``offset`` or ``retimed``.
+    clock_evidence : list of str
+        Streams that set the clock.
+    n_moving : int
+        Number of flights whose clock has a moving error.
+    clock_evidence_attitude : list of str
+        Streams that set the clock for attitudes, where these are others.
+    ratios : Ratios
+        Errors over those of another method on the same flights.
+    clock_ratios : ClockRatios
+        Errors over those of the same method on another clock.
     """
 
     protocol: str

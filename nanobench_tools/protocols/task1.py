@@ -66,11 +66,42 @@ class WindowErrors(Result):
 class PredictionRow(Result):
     """One model on one group of windows.
 
-    metrics {name: {"1", "10", "50", "sum"}}: means over windows.
-
-    ci95: the same over sessions and flights, None where ``drawn`` gives a reason; its design effects are of the
-    flights' means. Group ``all`` also has curve {name: [h = 1..50]} and the answer to commands. fit: notes on a fitted
-    model.
+    Attributes
+    ----------
+    model : str
+        Registered name, or name of a fitted model.
+    information : str
+        ``state`` (start state and inputs) or ``past`` (also the streams before the start).
+    truth : str
+        The states that judge: of the onboard estimate or of the motion capture.
+    group : str
+        ``all``, ``seen`` or ``unseen`` families, a family, a speed, or a range of the battery voltage.
+    n_windows, n_flights : int
+        Numbers of windows and flights.
+    drawn : Drawn
+        Basis of the intervals; its design effects are of the flights' means.
+    metrics : mapping
+        Means over windows, by metric and steps (``1``, ``10``, ``50``; ``sum`` over 1..50).
+    ci95 : mapping
+        95 % intervals of the same over sessions and flights; null where ``drawn`` gives a reason.
+    curve : mapping
+        Of group ``all``: error at each step 1..50, by metric.
+    published : Published
+        The published row for comparison.
+    start : str
+        Start state of the windows: ``centred`` (stored rows) or ``past`` (only data that had arrived by then).
+    ratios : Ratios
+        Errors over those of another model on the same windows.
+    clock : str
+        ``as-recorded``, ``offset`` or ``retimed``.
+    clock_evidence : list of str
+        Streams that set the clock.
+    fit : Fitted or Exported
+        Notes on a fitted model: its inputs, and why it is invalid.
+    command_response : CommandResponse
+        Of group ``all``: change after a step of the command, relative to a rigid body.
+    clock_ratios : ClockRatios
+        Errors over those of the same model on another clock.
     """
 
     model: str

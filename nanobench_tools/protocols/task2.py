@@ -74,8 +74,43 @@ class Tracked(Result):
 
 @dataclass(frozen=True, repr=False)
 class TrackingRow(Result):
-    """One controller as flown, over n flights: ``metrics`` are means, ``statistics`` their summaries. ``dropped``:
-    flights the published rows leave out, with an RMSE above DROPPED_ABOVE_M."""
+    """One controller as flown, over n flights.
+
+    Attributes
+    ----------
+    plant : str
+        ``real``, or the simulated plant.
+    protocol : str
+        As for ``nanobench control``.
+    controller : str
+        That flew, or the registered name.
+    reference : str
+        Trajectory family.
+    speed : str or None
+        ``slow``, ``medium`` or ``fast``, where the sheet has it.
+    speed_m_s : float or None
+        Of the reference.
+    information : str
+        What the controller knows of the reference.
+    n : int
+        Number of flights.
+    flights : list of str
+        Their names.
+    dropped : list of str
+        Flights that the published rows leave out, with an RMSE above DROPPED_ABOVE_M.
+    drawn : Drawn
+        Basis of the intervals: number of sessions, design effects, and why an interval is missing or too narrow.
+    metrics : mapping
+        Means over flights by metric, whose name ends in its unit.
+    statistics : mapping
+        Statistics over flights by metric.
+    published : Published
+        The published row for comparison.
+    clock : str
+        ``as-recorded``, ``offset`` or ``retimed``.
+    clock_evidence : list of str
+        Streams that set the clock.
+    """
 
     plant: str
     protocol: str

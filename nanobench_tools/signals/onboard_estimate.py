@@ -1,4 +1,4 @@
-"""What the vehicle's own extended Kalman filter said in flight, as logged over the radio."""
+"""The estimate of the vehicle's own extended Kalman filter, as it was logged over the radio."""
 
 import numpy as np
 
@@ -8,16 +8,32 @@ from ..methods import Estimate
 
 
 class OnboardEkf:
-    """Position and velocity of the ``estimator`` stream, attitude of ``attitude_qw`` (else ``attitude``) at its stamps.
+    """The logged estimate: position and velocity of ``estimator``, attitude of ``attitude_qw`` (else ``attitude``).
 
-    It was given the motion capture poses over radio, so it is no rival of a method that has to do without.
+    The vehicle received motion capture poses over radio. So this row does not compete with methods without poses.
     """
 
     name = "onboard_ekf"
     causal = True
 
     def estimate(self, flight: Flight) -> Estimate:
-        """InputError if the flight has no ``estimator`` or no attitude stream."""
+        """Estimate the trajectory of one flight.
+
+        Parameters
+        ----------
+        flight : Flight
+            Uses ``estimator`` and ``attitude_qw`` or ``attitude``, world.
+
+        Returns
+        -------
+        Estimate
+            At the timestamps of ``estimator``; attitudes are interpolated onto them.
+
+        Raises
+        ------
+        InputError
+            Without an ``estimator`` or an attitude stream.
+        """
         stream = flight["estimator"]
         if "attitude_qw" in flight:
             logged = flight["attitude_qw"]

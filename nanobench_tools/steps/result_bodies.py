@@ -41,7 +41,23 @@ class Joined(Protocol):
 
 @dataclass(frozen=True, repr=False)
 class TakenOut(Result):
-    """Correction of one flight's timestamps, as in the audit: warp (t_s, offset_s, sd_s), positive = late."""
+    """Correction of one flight's timestamps, as in the audit; positive = the timestamps were late.
+
+    Attributes
+    ----------
+    moving : bool
+        Whether a moving error was removed, rather than a constant.
+    constant_s : float
+        The constant error, s.
+    wander_sd_s : float or None
+        Standard deviation of the moving error, s.
+    reason : str
+        The result in one sentence, or why no moving error is accepted.
+    evidence : list of str
+        Kinds of streams that were used.
+    warp : list of tuple
+        (t_s, offset_s, sd_s): time, error and its uncertainty, as straight lines.
+    """
 
     moving: bool
     constant_s: float
@@ -58,8 +74,29 @@ class TakenOut(Result):
 
 @dataclass(frozen=True, repr=False)
 class EstimateBody(Result):
-    """clocks: by clock and flight what was taken out of its timestamps, None for nothing; rankings: the best method by
-    clock."""
+    """Content of estimate.json.
+
+    Attributes
+    ----------
+    rows : list of EstimateRow
+        One per protocol, method, group of flights and clock.
+    per_flight : list of FlightScore
+        Scores of each flight.
+    left_out : list of LeftOut
+        Recordings in no row, with the reason.
+    windows : list of WindowScore
+        Scores of each blackout.
+    bands : list of DrawnBand
+        Errors and standard deviations of one flight, for the page.
+    dead_logs : list of DeadLog
+        Flights whose log ended in the air.
+    clocks : mapping
+        By clock and flight, what was removed from its timestamps; null for nothing.
+    attribution : Attribution
+        Errors of the logged estimate by clock, and of the vehicle's filter run again.
+    rankings : list of ClockRanking
+        The best method by clock.
+    """
 
     rows: Sequence[EstimateRow]
     per_flight: Sequence[FlightScore]
@@ -141,7 +178,25 @@ class LearnedRow(Result):
 
 @dataclass(frozen=True, repr=False)
 class ControlBody(Result):
-    """Rows of logged flights, of the ensemble, of plants unlike the model and of learned dynamics, in this order."""
+    """Content of control.json.
+
+    Attributes
+    ----------
+    rows : list
+        Rows of logged flights, of the ensemble, of plants unlike the model and of learned dynamics, in this order.
+    gate : GateBody
+        Validation of the simulated plant against logged flights.
+    left_out : list of LeftOut
+        Recordings in no row, with the reason.
+    simulated : SimulatedPart
+        The ensemble of plants, its flights and error bar, and times of the solvers.
+    mismatch_plant : str
+        Origin of the plant that was changed.
+    learned : Lessons
+        Training of the networks, and the flights that trained, validated and judge.
+    voltage_pairs : list of VoltagePairs
+        Ratios of controllers over pairs of flights with the same battery voltage.
+    """
 
     rows: Sequence[TrackingRow | SimulatedRow | MismatchRow | LearnedRow] = ()
     gate: GateBody = field(default=GateBody(), metadata=INLINE)
@@ -169,7 +224,31 @@ class ClockModels(Result):
 
 @dataclass(frozen=True, repr=False)
 class SysidBody(Result):
-    """``models`` are those of ``clock`` where the rows are of several, and ``by_clock`` has the others'."""
+    """Content of sysid.json.
+
+    Attributes
+    ----------
+    rows : list of PredictionRow
+        One per model, group of windows and clock.
+    per_flight : list of FlightMeans
+        Mean errors of each flight.
+    parameters_note : str
+        What the parameters were fitted to.
+    models : ClockModels
+        Fitted models on ``clock``: best one, parameters with intervals, path of the simulator.
+    split : str
+        How flights were divided.
+    train, test : list of str
+        Names of the flights that were fitted to, and of those that judge.
+    left_out : list of LeftOut
+        Recordings in no row, with the reason.
+    learned : mapping
+        Training of the networks.
+    clock : str
+        Clock of ``models`` where the rows are of several.
+    by_clock : mapping
+        ``models`` on the other clocks.
+    """
 
     rows: Sequence[PredictionRow]
     per_flight: Sequence[FlightMeans]

@@ -1,5 +1,6 @@
 """The site: pages from the code are whole, links are checked, limits in the text are those of the code."""
 
+import dataclasses
 import inspect
 
 import pytest
@@ -30,7 +31,8 @@ def test_the_reference_has_every_function_of_the_package():
 @pytest.mark.parametrize(("page", "names"), [
     (generated.faults, list(kinds())), (generated.terms, registry.names("terms")),
     (generated.sources, registry.names("sources")),
-    (generated.methods, [*registry.names("estimators"), *registry.names("controllers")])])
+    (generated.methods, [*registry.names("estimators"), *registry.names("controllers")]),
+    (generated.metrics, ["trajectory", "statistics"])])
 def test_a_page_has_an_entry_for_each(page, names):
     text = page()
     assert [name for name in names if f"`{name}`" not in text] == []
@@ -41,6 +43,87 @@ def test_types_of_result_files_are_as_the_code_writes_them():
     text = generated.schemas()
     assert "class '" not in text
     assert "collections.abc" not in text
+
+
+def documented(function, section="Parameters"):
+    """Names of a section of a docstring, without stars."""
+    text = docstring_text.sections(inspect.getdoc(function) or "").get(section, "")
+    return {name.lstrip("*") for name in docstring_text.entries(text)}
+
+
+def taken(function):
+    return {name for name in inspect.signature(function).parameters if name not in ("self", "cls")}
+
+
+def test_every_parameter_of_a_term_is_documented_with_its_unit_and_shape():
+    for name, term in registry.load_all("terms").items():
+        told = docstring_text.entries(generated.term_text(name)["Parameters"])
+        assert list(told) == [p.name for p in term.parameters], name
+        for p in term.parameters:
+            shape, _, unit = told[p.name][0].partition(", " if p.length == 0 else " ")
+            wanted = {0: "float", None: "(k,)", "rotors": "(rotors,)"}.get(p.length, f"({p.length},)")
+            assert (shape, unit, bool(told[p.name][1])) == (wanted, p.unit, True), f"{name}.{p.name}"
+
+
+def public_methods():
+    for name in nb.__all__:
+        kind = getattr(nb, name)
+        for method, found in vars(kind).items() if inspect.isclass(kind) and kind.__module__ != "builtins" else ():
+            function = getattr(found, "__func__", found)
+            if not method.startswith("_") and inspect.isfunction(function) and (kind, method) != (nb.Flight, "retimed"):
+                yield f"nb.{name}.{method}", function
+
+
+def test_functions_and_methods_of_the_package_document_what_they_take_and_give():
+    functions = [(f"nb.{name}", getattr(nb, name)) for names in generated.FUNCTIONS.values() for name in names]
+    wrong = {}
+    for name, function in [*functions, *public_methods()]:
+        if taken(function) != documented(function) or not inspect.getdoc(function):
+            wrong[name] = taken(function) ^ documented(function)
+        elif taken(function) and "None" not in str(inspect.signature(function).return_annotation) \
+                and "Returns" not in docstring_text.sections(inspect.getdoc(function)):
+            wrong[name] = "Returns"
+    assert wrong == {}
+
+
+def test_metrics_document_what_they_take_and_give():
+    wrong = []
+    for file in generated.metric_files():
+        for name, found in vars(file).items():
+            if name.startswith("_") or getattr(found, "__module__", "") != file.__name__:
+                continue
+            if inspect.isfunction(found):
+                wrong += [name] * (taken(found) != documented(found) or not documented(found, "Returns"))
+            elif dataclasses.is_dataclass(found):
+                wrong += [name] * ({f.name for f in dataclasses.fields(found)} != documented(found, "Attributes"))
+    assert wrong == []
+
+
+@pytest.mark.parametrize("group", ["estimators", "controllers", "predictors"])
+def test_registered_methods_document_how_they_are_made(group):
+    wrong = {}
+    for name, kind in registry.load_all(group).items():
+        if inspect.isfunction(vars(kind).get("__init__")) and taken(kind) != documented(kind):
+            wrong[name] = taken(kind) ^ documented(kind)
+    assert wrong == {}
+
+
+def test_every_key_of_a_result_file_has_a_meaning():
+    missing = []
+    for _, places in generated.RESULT_FILES.values():
+        for place in places:
+            found = generated._load(place)
+            if inspect.isclass(found):
+                missing += [f"{place}.{name}" for name in
+                            {f.name for f in dataclasses.fields(found)} ^ documented(found, "Attributes")]
+    assert missing == []
+
+
+def test_sections_of_a_docstring_are_lists():
+    text = docstring_text.markdown("Does it.\n\nParameters\n----------\na, b : float, m\n    Two\n    lengths.\n\n"
+                                   "References\n----------\nSomebody 1999.\n")
+    assert text == ("Does it.\n\n**Parameters**\n\n- `a` (float, m): Two lengths.\n- `b` (float, m): Two lengths."
+                    "\n\n**References**\n\nSomebody 1999.")
 
 
 def test_error_messages_have_a_place_and_a_remedy():

@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 from nanobench_tools.auditing.faults.kinds import kinds
 from nanobench_tools.cli.main import VERBS, cli
 from nanobench_tools.lookup import registry
 
 from . import imports_picture
-from .docstring_text import cell, markdown
+from .docstring_text import cell, entries, markdown, sections
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE: Any = importlib.import_module("nanobench_tools")
@@ -45,11 +46,10 @@ RESULT_FILES = {
                                            "nanobench_tools.protocols.task2:TrackingRow"]),
     "sysid.json": ("nanobench sysid", ["nanobench_tools.steps.result_bodies:SysidBody",
                                        "nanobench_tools.protocols.task1:PredictionRow"]),
-    "verdict.json": ("nanobench diagnose", ["identification.mismatch.verdict:Verdict",
-                                            "identification.mismatch.decide:Finding"]),
+    "verdict.json": ("nanobench diagnose", ["identification.mismatch.verdict"]),
     "thrust.json": ("nanobench thrust", ["identification.thrust.thrust_result:ThrustResult"]),
 }
-"""Result file -> its command and the classes whose fields are its keys."""
+"""Result file -> its command, and the classes whose fields are its keys or the module whose docstring lists them."""
 
 
 def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
@@ -124,19 +124,32 @@ def faults() -> str:
 
 
 def terms() -> str:
+    """Every term: equation, parameters with shape, unit, bounds and typical value, look-alikes, references."""
     rows, parts = [], []
     for name, term in registry.load_all("terms").items():
         rows.append((f"[`{name}`](#{name})", cell(term.sentence)))
-        parameters = _table(("parameter", "unit", "meaning"), [
-            (f"`{p.name}`", cell(p.unit), cell(str(getattr(p, "sentence", "") or getattr(p, "meaning", "") or "")))
-            for p in term.parameters])
+        text = term_text(name)
+        meaning = entries(text.get("Parameters", ""))
+        parameters = _table(("parameter", "shape and unit", "meaning", "bounds", "typical, 40 g vehicle"), [
+            (f"`{p.name}`", cell(meaning.get(p.name, (p.unit, ""))[0]), cell(meaning.get(p.name, ("", ""))[1]),
+             f"{p.lower:g} .. {p.upper:g}",
+             cell(f"{', '.join(f'{v:g}' for v in np.atleast_1d(p.typical))} ({p.source})")) for p in term.parameters])
         confused = "".join(f"\n- `{other}`: {cell(how)}" for other, how in term.confused_with.items())
-        parts.append("\n\n".join([f"## {name} {{ #{name} }}", markdown(term.sentence),
-                                  f"```text\n{term.equation}\n```", parameters,
-                                  *(["Easily confused with, and the flight that separates them:\n" + confused]
-                                    if confused else [])]))
-    return "\n\n".join(["# Physics terms", "A simulator is a list of these terms. `nanobench diagnose` tests each of "
-                        "them.", _table(("term", "effect"), rows), *parts])
+        parts.append("\n\n".join([
+            f"## {name} {{ #{name} }}", markdown(term.sentence), f"```text\n{term.equation}\n```", parameters,
+            *([f"Confused with, and the flight or measurement that separates them:\n{confused}"] if confused else []),
+            *([f"Not searched for by a diagnosis: it {cell(term.not_asked)}."] if term.not_asked else []),
+            *([f"References:\n\n{markdown(text['References'])}"] if "References" in text else [])]))
+    head = ("A simulator is a list of these terms. `nanobench diagnose` tests each of them. In the equations, `<-` "
+            "replaces the value on its left: F is the force in the world, F_b the force in the body, tau the moment in "
+            "the body, T_i, u_i and Omega_i the thrust, input and speed of motor i, spin_i the direction of its yaw "
+            "torque, v the velocity, w the body rate. World z is up; body x is forward, y left, z up.")
+    return "\n\n".join(["# Physics terms", head, _table(("term", "effect"), rows), *parts])
+
+
+def term_text(name: str) -> dict[str, str]:
+    """Sections of the docstring of a term's file."""
+    return sections(importlib.import_module(f"nanobench_tools.physics.terms.{name}").__doc__ or "")
 
 
 def methods_of(group: str) -> list[tuple[str, str]]:
@@ -150,8 +163,52 @@ def methods() -> str:
     for group, title in (("estimators", "Estimators"), ("predictors", "Predictors"), ("controllers", "Controllers"),
                          ("simulators", "Simulators")):
         parts.append(f"## {title}")
-        parts.append(_table(("name", "what it is"), [(f"`{name}`", cell(text)) for name, text in methods_of(group)]))
+        parts.append(_table(("name", "what it is"), [(f"[`{name}`](#{name})", cell(text))
+                                                     for name, text in methods_of(group)]))
+        shown: dict[str, str] = {}
+        for name, found in registry.load_all(group).items():
+            first = shown.setdefault(found.__module__, name)
+            file = markdown(inspect.getmodule(found).__doc__ or "")  # type: ignore[union-attr]
+            parts.append("\n\n".join(filter(None, (
+                f"### {name} {{ #{name} }}", _facts(found), markdown(inspect.getdoc(found) or ""), _gains(found),
+                file if first == name else f"Method and sources: [`{first}`](#{first})."))))
     return "\n\n".join(parts)
+
+
+def _facts(found: Any) -> str:
+    """What the attributes of a method state, in a line."""
+    uses = {"as flown": "position and yaw setpoints", "lead": "position and yaw setpoints, sent earlier",
+            "preview": "the reference with derivatives, and its future where known",
+            "state": "the start state and the inputs", "past": "the start state, the inputs and the past"}
+    facts = [text for text in (
+        {True: "Causal.", False: "It looks ahead."}.get(getattr(found, "causal", None), ""),
+        f"A command every {1e3 * found.period_s:g} ms." if hasattr(found, "period_s") else "",
+        f"It knows {uses[found.information]}." if getattr(found, "information", None) in uses else "",
+        f"Needs {' and '.join(f'`{s}`' for s in found.needs)}." if getattr(found, "needs", ()) else "") if text]
+    return f"*{' '.join(facts)}*" if facts else ""
+
+
+def _gains(found: Any) -> str:
+    return "Gains:\n\n" + _table(("gain", "value", "unit", "searched between"), [
+        (f"`{name}`", f"{g.value:.4g}", cell(g.unit), f"{g.low:.4g} and {g.high:.4g}")
+        for name, g in found.tunable.items()]) if getattr(found, "tunable", None) else ""
+
+
+def metric_files() -> list[Any]:
+    """Modules of the metrics."""
+    from nanobench_tools import metrics as package
+
+    return [importlib.import_module(f"{package.__name__}.{path.stem}")
+            for path in sorted(Path(package.__path__[0]).glob("*.py")) if path.stem != "__init__"]
+
+
+def metrics() -> str:
+    """Every function of the metrics, by file."""
+    head = ("# Metrics\n\nThe scores behind every table, one equation each. All arrays are rows at the same times, in "
+            "SI; the unit of a result is in its name or text. `from nanobench_tools.metrics.trajectory import ate`.")
+    return "\n\n".join([head, *(f"## `{file.__name__.rpartition('.')[2]}`\n\n::: {file.__name__}\n    options:\n"
+                                "      show_root_heading: false\n      show_root_toc_entry: false"
+                                for file in metric_files())])
 
 
 def sources() -> str:
@@ -161,30 +218,40 @@ def sources() -> str:
              "[Recordings](../recordings.md) explains how to bring your own.",
              _table(("source", "format", "good for"), [(f"`{n}`", cell(a), cell(b)) for n, (a, b) in GOOD_FOR.items()])]
     for name, kind in registry.load_all("sources").items():
-        parts.append(f"## {name} {{ #{name} }}\n\n{markdown(inspect.getdoc(kind) or '')}")
+        own = (inspect.getdoc(kind) or "").removeprefix(f"Source ``{name}``").strip(".:; ")
+        file = markdown(inspect.getmodule(kind).__doc__ or "")  # type: ignore[union-attr]
+        parts.append("\n\n".join([f"## {name} {{ #{name} }}", file,
+                                  *([f"{markdown(own[:1].upper() + own[1:])}."] if own else [])]))
     return "\n\n".join(parts)
 
 
 def _load(place: str) -> Any:
     module, _, name = place.partition(":")
-    return getattr(importlib.import_module(module), name)
+    return getattr(importlib.import_module(module), name) if name else importlib.import_module(module)
 
 
 def schemas() -> str:
     """Keys of the result files, from the classes that are written."""
     parts = ["# Result files", "Every verb writes JSON with `--json FILE` or into `--out DIR`. Each file begins with "
-             "`version`, `command`, `synthetic` and `manifest`. Numbers are in SI units unless the key names another; "
-             "missing numbers are `null`.", "A simulator is a TOML file: [simulator.toml](#simulator)."]
+             "`schema`, `version`, `synthetic`, `manifest` and `failed`. Numbers are in SI units unless the key names "
+             "another; missing numbers are `null`.", "A simulator is a TOML file: [simulator.toml](#simulator)."]
     for file, (command, places) in RESULT_FILES.items():
         parts.append(f"## {file}\n\nWritten by `{command}`.")
         for place in places:
             found = _load(place)
-            rows = [(f"`{f.metadata.get('key', f.name)}`", cell(f"`{f.type}`"),
-                     "absent where empty" if f.metadata.get("optional") else
-                     "its keys are among these" if f.metadata.get("inline") else "")
+            text = sections(inspect.getdoc(found) or "")
+            meaning = entries(text.pop("Attributes", ""))
+            if inspect.ismodule(found):
+                parts.append(f"{markdown(text[''])}\n\n" + _table(("key", "type", "meaning"), [
+                    (f"`{name}`", cell(kind), cell(body)) for name, (kind, body) in meaning.items()]))
+                continue
+            rows = [(f"`{f.metadata.get('key', f.name)}`", cell(f"`{f.type}`"), " ".join(filter(None, (
+                        cell(meaning.get(f.name, ("", ""))[1]),
+                        "Absent where empty." if f.metadata.get("optional") else
+                        "Its keys are among these." if f.metadata.get("inline") else ""))))
                     for f in dataclasses.fields(found)]
-            parts.append(f"### {found.__name__}\n\n{markdown(inspect.getdoc(found) or '')}\n\n"
-                         + _table(("key", "type", ""), rows))
+            parts.append(f"### {found.__name__}\n\n{markdown(text[''])}\n\n"
+                         + _table(("key", "type", "meaning"), rows))
     from nanobench_tools.physics import simulator
 
     parts.append("## simulator.toml { #simulator }\n\n" + markdown(inspect.getdoc(simulator) or ""))
@@ -254,6 +321,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "reference/faults.md": faults,
     "reference/terms.md": terms,
     "reference/methods.md": methods,
+    "reference/metrics.md": metrics,
     "reference/sources.md": sources,
     "reference/result_files.md": schemas,
     "reference/error_messages.md": error_messages,

@@ -1,4 +1,10 @@
-"""Rotation dies away."""
+"""Rotation dies away.
+
+Parameters
+----------
+d_r : (3,) N m s
+    Moment against the body rate, over that rate, about body x, y and z.
+"""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,4 +1,10 @@
-"""Offset of the centre of mass from the centre of the motors."""
+"""Offset of the centre of mass from the centre of the motors.
+
+Parameters
+----------
+r_m : (3,) m
+    From the centre of the motors to the centre of mass, body x, y and z. Flights show z only together with drag.
+"""
 
 import math
 from types import SimpleNamespace

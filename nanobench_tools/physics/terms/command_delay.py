@@ -1,4 +1,10 @@
-"""Commands act later than their timestamp."""
+"""Commands act later than their timestamp.
+
+Parameters
+----------
+delay_s : float, s
+    From the logged timestamp of a motor command to its effect on the thrust.
+"""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,4 +1,17 @@
-"""Drag in proportion to speed."""
+"""Drag in proportion to speed.
+
+Parameters
+----------
+d : (3,) N s/m
+    Drag force over air velocity, along body x, y and z.
+
+References
+----------
+- Faessler, Franchi, Scaramuzza 2018, "Differential flatness of quadrotor dynamics subject to rotor drag", IEEE RA-L
+  3(2), doi:10.1109/LRA.2017.2776353.
+- Martin, Salaun 2010, "The true role of accelerometer feedback in quadrotor control", ICRA,
+  doi:10.1109/ROBOT.2010.5509980.
+"""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,4 +1,12 @@
-"""Drag in proportion to speed squared."""
+"""Drag in proportion to speed squared.
+
+It is the drag equation, 0.5 rho c A v^2, along each body axis.
+
+Parameters
+----------
+q : (3,) N s^2/m^2
+    Drag force over the air velocity squared, along body x, y and z.
+"""
 
 from types import SimpleNamespace
 from typing import Any

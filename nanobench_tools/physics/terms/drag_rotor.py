@@ -1,4 +1,16 @@
-"""Drag of the rotors: in proportion to speed and to how fast they turn."""
+"""Drag of the rotors: in proportion to speed and to how fast they turn.
+
+Parameters
+----------
+d : (3,) N s^2/m/rad
+    Drag force over air velocity and over the sum of the rotor speeds, along body x, y and z.
+
+References
+----------
+- Martin, Salaun 2010, "The true role of accelerometer feedback in quadrotor control", ICRA,
+  doi:10.1109/ROBOT.2010.5509980.
+- Foerster 2015, "System identification of the Crazyflie 2.0 nano quadrocopter", bachelor thesis, ETH Zurich.
+"""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,4 +1,15 @@
-"""Air velocity across the rotors turns the vehicle."""
+"""Air velocity across the rotors turns the vehicle.
+
+Parameters
+----------
+c : float, N s
+    Moment over the velocity against the air. A velocity along body x gives a moment about y, one along y about -x.
+
+References
+----------
+Pounds, Mahony, Corke 2010, "Modelling and control of a large quadrotor robot", Control Engineering Practice 18(7),
+doi:10.1016/j.conengprac.2010.02.008.
+"""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,4 +1,10 @@
-"""A constant push."""
+"""A constant push.
+
+Parameters
+----------
+f_N : (3,) N
+    Force on the centre of mass, world x, y and z.
+"""
 
 from types import SimpleNamespace
 from typing import Any

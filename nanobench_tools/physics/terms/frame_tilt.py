@@ -1,4 +1,12 @@
-"""Thrust axis tilted against the tracked body."""
+"""Thrust axis tilted against the tracked body.
+
+Parameters
+----------
+roll_rad : float, rad
+    Rotation about body x from the tracked body to the body that thrust acts along.
+pitch_rad : float, rad
+    The same about body y, positive with the nose down, after the roll.
+"""
 
 from types import SimpleNamespace
 from typing import Any

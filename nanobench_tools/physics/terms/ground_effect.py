@@ -1,4 +1,16 @@
-"""Thrust grows near the ground."""
+"""Thrust grows near the ground.
+
+Parameters
+----------
+rho : float, 1
+    Strength of the effect; 1 for a single rotor.
+R : float, m
+    Radius of a propeller.
+
+References
+----------
+Cheeseman, Bennett 1955, "The effect of the ground on a helicopter rotor in forward flight", ARC R&M 3021.
+"""
 
 from types import SimpleNamespace
 from typing import Any

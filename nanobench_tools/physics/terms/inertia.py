@@ -1,4 +1,10 @@
-"""Another moment of inertia than the vehicle's table says."""
+"""Another moment of inertia than the vehicle's table says.
+
+Parameters
+----------
+inertia_kg_m2 : (3,) kg m^2
+    Moments of inertia about body x, y and z, through the centre of mass.
+"""
 
 from types import SimpleNamespace
 from typing import Any

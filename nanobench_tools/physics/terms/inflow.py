@@ -1,4 +1,17 @@
-"""Thrust changes with the air that comes through and across the rotors."""
+"""Thrust changes with the air that comes through and across the rotors.
+
+Parameters
+----------
+k_z : float, s/m
+    Share of thrust lost per velocity along body z.
+k_h : float, s^2/m^2
+    Share of thrust gained per squared velocity across body z.
+
+References
+----------
+- Svacha, Mohta, Kumar 2017, "Improving quadrotor trajectory tracking by compensating for aerodynamic effects", ICUAS.
+- Folk, Paulos, Kumar 2023, "RotorPy", arXiv 2306.04485.
+"""
 
 from types import SimpleNamespace
 from typing import Any

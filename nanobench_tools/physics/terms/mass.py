@@ -1,4 +1,10 @@
-"""Another mass than the vehicle's table says."""
+"""Another mass than the vehicle's table says.
+
+Parameters
+----------
+m : float, kg
+    Mass of the vehicle with everything that it carries.
+"""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,4 +1,10 @@
-"""Motors that differ from each other."""
+"""Motors that differ from each other.
+
+Parameters
+----------
+g : (rotors,) 1
+    Factor on the thrust of each motor, in the order of the motors; their mean is 1.
+"""
 
 from collections.abc import Mapping
 from types import SimpleNamespace

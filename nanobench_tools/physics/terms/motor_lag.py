@@ -1,4 +1,18 @@
-"""Thrust follows its command with a first-order lag, faster up than down (or the reverse)."""
+"""Thrust follows its command with a first-order lag, faster up than down (or the reverse).
+
+Parameters
+----------
+tau_up_s : float, s
+    Time constant while the commanded thrust is above the thrust.
+tau_down_s : float, s
+    Time constant while it is below.
+
+References
+----------
+- Mahony, Kumar, Corke 2012, "Multirotor aerial vehicles: Modeling, estimation, and control of quadrotor", IEEE
+  Robotics & Automation Magazine 19(3), doi:10.1109/MRA.2012.2206474.
+- Foerster 2015, "System identification of the Crazyflie 2.0 nano quadrocopter", bachelor thesis, ETH Zurich.
+"""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,4 +1,16 @@
-"""The rotors are gyroscopes."""
+"""The rotors are gyroscopes.
+
+Parameters
+----------
+J_r : float, kg m^2
+    Moment of inertia of one rotor with its motor's bell. Negative for real rotors: they turn against the yaw torque
+    whose direction is the vehicle's ``spin``.
+
+References
+----------
+Mahony, Kumar, Corke 2012, "Multirotor aerial vehicles: Modeling, estimation, and control of quadrotor", IEEE Robotics
+& Automation Magazine 19(3), doi:10.1109/MRA.2012.2206474.
+"""
 
 from types import SimpleNamespace
 from typing import Any

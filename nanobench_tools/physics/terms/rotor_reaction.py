@@ -1,4 +1,15 @@
-"""A rotor that speeds up turns the body against it."""
+"""A rotor that speeds up turns the body against it.
+
+Parameters
+----------
+J_r : float, kg m^2
+    Moment of inertia of one rotor with its motor's bell, positive.
+
+References
+----------
+Mahony, Kumar, Corke 2012, "Multirotor aerial vehicles: Modeling, estimation, and control of quadrotor", IEEE Robotics
+& Automation Magazine 19(3), doi:10.1109/MRA.2012.2206474.
+"""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,4 +1,18 @@
-"""Motors that can do no more."""
+"""Motors that can do no more.
+
+One of the two parameters is given.
+
+Parameters
+----------
+u_max : float, 1
+    Largest PWM ratio that has an effect; for vehicles with PWM inputs.
+T_max_N : float, N
+    Largest thrust of one motor.
+
+References
+----------
+crazyflie-firmware 2025.12.1, platform_defaults_cf2.h.
+"""
 
 from collections.abc import Mapping
 from types import SimpleNamespace

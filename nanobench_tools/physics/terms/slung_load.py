@@ -1,8 +1,21 @@
-"""A load on a string. A model of terms describes the load below the frequency of its swing. There it hangs under its
-knot and moves along, as a weight there would. The swing itself has two more states than a model; ``pendulum.swing``
-integrates it in addition to a model. A diagnosis looks for it as a force that comes and goes
+"""A load on a string.
+
+A model of terms describes the load below the frequency of its swing. There it hangs under its knot and moves along,
+as a weight there would. The swing itself has two more states than a model; ``pendulum.swing`` integrates it in
+addition to a model. A diagnosis looks for it as a force that comes and goes
 (``identification/mismatch/steady/periodic.py``). A fit cannot identify the length from flights that are evaluated
 without the swing. There is no neutral length, so the term is not searched for among the causes of a residual.
+
+Parameters
+----------
+m_kg : float, kg
+    Mass of the load.
+l_m : float, m
+    Length of the string.
+zeta : float, 1
+    Damping ratio of the swing.
+r_m : (3,) m
+    From the centre of mass to the knot, body x, y and z.
 """
 
 from types import SimpleNamespace

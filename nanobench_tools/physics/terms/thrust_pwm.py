@@ -1,4 +1,14 @@
-"""Thrust from PWM alone, blind to the battery."""
+"""Thrust from PWM alone, blind to the battery.
+
+Parameters
+----------
+c : (k,) N
+    Coefficients of the PWM ratio (0 to 1), from the constant on, for one motor.
+
+References
+----------
+crazyflie-firmware 2025.12.1, platform_defaults_cf2.h.
+"""
 
 from types import SimpleNamespace
 

@@ -1,4 +1,16 @@
-"""Thrust from rotor speed, and rotor speed from thrust where others ask for it."""
+"""Thrust from rotor speed, and rotor speed from thrust where others ask for it.
+
+Parameters
+----------
+k_f : float, N s^2/rad^2
+    Thrust of one rotor over its squared speed.
+
+References
+----------
+- Mahony, Kumar, Corke 2012, "Multirotor aerial vehicles: Modeling, estimation, and control of quadrotor", IEEE
+  Robotics & Automation Magazine 19(3), doi:10.1109/MRA.2012.2206474.
+- Folk, Paulos, Kumar 2023, "RotorPy", arXiv 2306.04485.
+"""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,4 +1,10 @@
-"""All motors weaker or stronger than the thrust curve by one factor."""
+"""All motors weaker or stronger than the thrust curve by one factor.
+
+Parameters
+----------
+s : float, 1
+    Factor on the thrust of every motor.
+"""
 
 from types import SimpleNamespace
 from typing import Any

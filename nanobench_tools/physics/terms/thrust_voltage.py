@@ -1,4 +1,14 @@
-"""Thrust from the voltage a motor sees: PWM ratio times battery voltage."""
+"""Thrust from the voltage a motor sees: PWM ratio times battery voltage.
+
+Parameters
+----------
+c : (k,) N/V^k
+    Coefficients of the mean motor voltage [V], from the constant on, for one motor.
+
+References
+----------
+crazyflie-firmware 2025.12.1, platform_defaults_cf2.h.
+"""
 
 from types import SimpleNamespace
 

@@ -1,4 +1,10 @@
-"""Air that moves."""
+"""Air that moves.
+
+Parameters
+----------
+w_m_s : (3,) m/s
+    Velocity of the air, world x, y and z.
+"""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,4 +1,16 @@
-"""Rotor drag turns the vehicle about its z axis."""
+"""Rotor drag turns the vehicle about its z axis.
+
+Parameters
+----------
+k_m : float, m
+    Moment about body z over the thrust of a rotor. The direction is the rotor's spin.
+
+References
+----------
+- Mahony, Kumar, Corke 2012, "Multirotor aerial vehicles: Modeling, estimation, and control of quadrotor", IEEE
+  Robotics & Automation Magazine 19(3), doi:10.1109/MRA.2012.2206474.
+- crazyflie-firmware 2025.12.1, platform_defaults_cf2.h.
+"""
 
 from types import SimpleNamespace
 from typing import Any

@@ -12,6 +12,7 @@ import pytest
 from carried_tracks import MODEL, track_of
 from scipy.spatial.transform import Rotation
 
+from identification.mismatch import verdict
 from identification.mismatch.drawings import drawings
 from identification.mismatch.page import page_text
 from identification.mismatch.pictures import pictures
@@ -25,6 +26,7 @@ from identification.mismatch.space import with_other_map
 from identification.mismatch.wrench import CHANNELS, Wrench
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Provenance
+from tools.docs_site.docstring_text import entries, sections
 
 
 def recordings_of(tracks) -> Recordings:
@@ -66,6 +68,14 @@ def test_the_place_of_the_tracked_point_is_stated(flown):
 @pytest.fixture(scope="module")
 def too_heavy(flown):
     return diagnose(flown, MODEL.on(mass_kg=0.046))
+
+
+def test_every_key_of_the_verdict_is_documented(too_heavy):
+    told = entries(sections(verdict.__doc__)["Attributes"])
+    assert set(too_heavy.body) - set(told) == set()
+    finding, = too_heavy.body["findings"]
+    inner = {"members", "force_m_s2", "torque_rad_s2"}  # of the decision, for prove
+    assert [key for key in finding if f"``{key}``" not in told["findings"][1] and key not in inner] == []
 
 
 def test_a_wrong_mass_is_found_with_its_size_and_predicts_better(too_heavy):
