@@ -12,7 +12,7 @@ SLOPE_S = number("imu.constant_velocity.slope_s")
 
 
 class ConstantVelocity:
-    """Keep the last velocity (slope of the last SLOPE_S of poses) and the last attitude. It uses poses only."""
+    """Keep the velocity and the attitude of the last poses. It uses poses only."""
 
     name = "constant_velocity"
     causal = True

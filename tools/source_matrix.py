@@ -18,9 +18,10 @@ from nanobench_tools.sources.contents import CONTENTS, Contents
 PAGE = Path(__file__).resolve().parents[1] / "docs/sources.md"
 HEAD = """# Sources and verbs
 
-`python -m tools.source_matrix` writes this page. A cell follows from the streams that recordings of a source usually
-have and those that the verb needs. For your recording, `nanobench audit` says what it suffices for (`can` in
+These tables show which verb works with which recordings. A cell follows from the streams that recordings of a source
+usually have and those that the verb needs. For your recording, `nanobench audit` reports what it suffices for (`can` in
 audit.json). Every source works with `audit`; `nanobench columns` drafts a map for any other table.
+`python -m tools.source_matrix` writes this page.
 
 ## What each verb can do
 """

@@ -24,6 +24,8 @@ LARGEST_PICTURE = 100_000
 """Bytes."""
 TITLE_WIDTH = 110
 """Characters of a line of a title."""
+PRINTED_WIDTH = 92
+"""Characters of a printed line that a page of 1280 pixels shows."""
 ALT = re.compile(r"^# alt: (.*)\n", re.M)
 
 
@@ -78,6 +80,12 @@ def _run(code: str, variables: dict[str, Any], name: str) -> Done:
     return Done("\n".join(line.rstrip() for line in out.getvalue().splitlines()), figure)
 
 
+def folded(printed: str) -> str:
+    """Printed text with its long sentences folded; lines of tables stay whole."""
+    return "\n".join(line if re.search(r"\S  +\S", line) else
+                     "\n".join(wrap(line, PRINTED_WIDTH, subsequent_indent="    ")) for line in printed.splitlines())
+
+
 def page(name: str, done: list[tuple[Cell, Done | None]]) -> str:
     """Return the page of a tutorial that was run."""
     parts, pictures = [], 0
@@ -88,7 +96,7 @@ def page(name: str, done: list[tuple[Cell, Done | None]]) -> str:
         alt = ALT.search(cell.body)
         parts.append(f"```python\n{ALT.sub('', cell.body)}\n```")
         if given.printed:
-            parts.append(f"```text\n{given.printed}\n```")
+            parts.append(f"```text\n{folded(given.printed)}\n```")
         if given.figure is not None:
             pictures += 1
             if alt is None:

@@ -1,8 +1,9 @@
 # %% [markdown]
 # # A clock that wanders
 #
-# The timestamps of this SYNTHETIC flight wander by 20 ms, which looks like a position error along the track. Re-timing
-# removes a part of it from gyro and accelerometer alone.
+# The timestamps of this SYNTHETIC flight wander by 20 ms, which looks like a position error along the track. A constant
+# offset cannot remove it. Re-timing estimates the wander without the position that is judged, from gyro, accelerometer
+# and attitude, and removes a part of it.
 
 # %%
 import plotly.graph_objects as go

@@ -34,7 +34,8 @@ for audit in audits:
 audits["sample_trefoil"].plot()
 
 # %% [markdown]
-# Every event is a row of `faults`, with its span and the seconds that are cut.
+# Every event is a row of `faults`. An event may join several stretches of time. Then `from_s` is the begin of the first
+# and `to_s` the end of the last. `cut_s` are the seconds of flight that are cut.
 
 # %%
 faults = audits["sample_trefoil"].faults

@@ -19,7 +19,7 @@ def entries(section: str) -> dict[str, tuple[str, str]]:
     >>> entries("a, b : float, m\\n    Two lengths.")
     {'a': ('float, m', 'Two lengths.'), 'b': ('float, m', 'Two lengths.')}
     """
-    found = {}
+    found: dict[str, tuple[str, str]] = {}
     for block in filter(None, re.split(r"\n(?=\S)", section)):
         head, _, body = block.partition("\n")
         names, _, kind = head.partition(" : ")

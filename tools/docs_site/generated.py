@@ -171,7 +171,7 @@ def methods() -> str:
             file = markdown(inspect.getmodule(found).__doc__ or "")  # type: ignore[union-attr]
             parts.append("\n\n".join(filter(None, (
                 f"### {name} {{ #{name} }}", _facts(found), markdown(inspect.getdoc(found) or ""), _gains(found),
-                file if first == name else f"Method and sources: [`{first}`](#{first})."))))
+                "" if "\n" not in file else file if first == name else f"Method and sources: [`{first}`](#{first})."))))
     return "\n\n".join(parts)
 
 
