@@ -17,7 +17,7 @@ GRAVITY_M_S2 = 9.81
 PWM_FULL_SCALE = 65535.0
 """Counts of a motor command at full duty (uint16)."""
 
-INCH_M, FOOT_M = 0.0254, 0.3048
+INCH_M, FOOT_M, MILE_M = 0.0254, 0.3048, 1609.344
 """Exact by definition."""
 
 POUND_FORCE_N = 4.4482216152605
@@ -27,19 +27,19 @@ SI_FACTOR: dict[str, float] = {
     "1": 1.0, "m": 1.0, "m/s": 1.0, "m/s^2": 1.0, "rad": 1.0, "rad/s": 1.0, "V": 1.0, "N": 1.0, "s": 1.0, "kg": 1.0,
     "N m": 1.0, "A": 1.0,
     "mm": 1e-3, "cm": 1e-2, "mm/s": 1e-3, "cm/s": 1e-2, "mm/s^2": 1e-3,
-    "in": INCH_M, "ft": FOOT_M, "in/s": INCH_M, "ft/s": FOOT_M, "km/h": 1.0 / 3.6,
+    "in": INCH_M, "ft": FOOT_M, "in/s": INCH_M, "ft/s": FOOT_M, "km/h": 1.0 / 3.6, "mph": MILE_M / 3600.0,
     "g": GRAVITY_M_S2, "mg": 1e-3 * GRAVITY_M_S2,
     "deg": math.pi / 180.0, "deg/s": math.pi / 180.0, "mdeg/s": math.pi / 180e3, "mrad/s": 1e-3, "mrad": 1e-3,
     "mV": 1e-3, "mA": 1e-3, "gram": 1e-3, "gram_force": 1e-3 * GRAVITY_M_S2, "kgf": GRAVITY_M_S2, "lbf": POUND_FORCE_N,
     "mN": 1e-3,
-    "%": 1e-2, "pulse_us": 1e-3,
+    "%": 1e-2, "pulse_us": 1e-3, "dshot": 1.0 / 1999.0,
     "pwm16": 1.0 / PWM_FULL_SCALE, "rpm": 2.0 * math.pi / 60.0,
     "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0,
 }
 """SI value of one unit. ``g`` is the acceleration; mass in grams is ``gram``; ``pulse_us`` is the command of a motor as
-the length of a pulse, 1000 us to 2000 us."""
+the length of a pulse, 1000 us to 2000 us. ``dshot`` is its DShot frame, 48 to 2047."""
 
-ZERO: dict[str, float] = {"pulse_us": 1000.0}
+ZERO: dict[str, float] = {"pulse_us": 1000.0, "dshot": 48.0}
 """Readings that mean zero, where zero does not."""
 
 

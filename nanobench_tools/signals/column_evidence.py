@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import comb
 
 import numpy as np
+from scipy.ndimage import convolve1d
 from scipy.signal import savgol_filter
 
 from ..settings import number, setting
@@ -24,6 +25,7 @@ LEAST_GRAVITY = number("audit.column_evidence.least_gravity")
 YAW_FOLLOWED_RAD = number("audit.column_evidence.yaw_followed_rad")
 YAW_MISSED_RAD = number("audit.column_evidence.yaw_missed_rad")
 FASTEST_STEP_S = number("audit.column_evidence.fastest_step_s")
+LONGEST_MEAN_S = number("audit.column_evidence.longest_mean_s")
 NOISE_APART = number("audit.column_evidence.noise_apart")
 """Axes of an estimate differ less in their noise."""
 SENSOR_NOISE_ALIKE = number("audit.column_evidence.sensor_noise_alike")
@@ -82,6 +84,15 @@ def ratio(signal: np.ndarray, reference: np.ndarray) -> Ratio:
         sizes.append(float(np.sqrt((x @ x) / (y @ y))) if abs(r) > AGREES else float("nan"))
         signs.append(int(np.sign(r)) if abs(r) > AGREES else 0)
     return Ratio(tuple(sizes), tuple(signs))
+
+
+def ratio_of_means(signal: np.ndarray, reference: np.ndarray, step_s: float) -> Ratio:
+    """``ratio`` of means over the fewest rows over which an axis correlates: vibration and noise hide it in rows."""
+    rows, found = 1, ratio(signal, reference)
+    while not found.known and 2 * rows * step_s <= LONGEST_MEAN_S:
+        rows *= 2
+        found = ratio(*(convolve1d(x, np.full(rows, 1.0 / rows), axis=0) for x in (signal, reference)))
+    return found
 
 
 def is_recent(unix_s: float) -> bool:

@@ -262,7 +262,8 @@ def _gyro(draft: Draft, values: Mapping[str, np.ndarray], time_s: np.ndarray) ->
     unit = draft.mapped[keys[0]].unit
     if turning is not None:
         axes = ["xyz".index(k[1][-1]) for k in keys]
-        found = evidence.ratio(evidence.smooth(draft.si(keys, values)), turning[:, axes])
+        found = evidence.ratio_of_means(evidence.smooth(draft.si(keys, values)), turning[:, axes],
+                                        float(np.median(np.diff(time_s))))
         if found.known:
             fits = [u for u, f in factors.items() if found.agrees(factor(unit) / f) and (
                 u != "mrad/s" or u == unit or all(

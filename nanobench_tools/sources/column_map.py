@@ -31,7 +31,7 @@ UNITS: dict[str, tuple[str, ...]] = {
     "m": ("m", "mm", "cm", "in", "ft"),
     "1": ("1",),
     "rad": ("rad", "deg", "mrad"),
-    "m/s": ("m/s", "mm/s", "cm/s", "in/s", "ft/s", "km/h"),
+    "m/s": ("m/s", "mm/s", "cm/s", "in/s", "ft/s", "km/h", "mph"),
     "rad/s": ("rad/s", "deg/s", "mrad/s", "mdeg/s", "rpm"),
     "m/s^2": ("m/s^2", "g", "mg", "mm/s^2"),
     "V": ("V", "mV"),
@@ -47,7 +47,7 @@ MESSAGE_TIME = "header.stamp"
 SENSES = {"pitch": ("nose down", "nose up"), "yaw": ("counter-clockwise", "clockwise")}
 """Angles whose sign differs between programs: ours, and the other."""
 ENTRY_KEYS = ("column", "index", "unit", "sign", "offset", "assumed", "invalid")
-PWM_UNITS = ("1", "pwm16", "%", "pulse_us")
+PWM_UNITS = ("1", "pwm16", "%", "pulse_us", "dshot")
 PWM_STREAMS = frozenset({"motor", "motor_request", "command"})
 FORCE_UNITS = UNITS["N"]
 """A collective command may also be a force."""

@@ -15,6 +15,8 @@ _UNIT = re.compile(r"[\s_]*[\[(]\s*(?!\d+\s*[\])])([^\[\]()]*?)\s*[\])]\s*$")
 _ENDS = re.compile(r"^(.*[^_])_(m_s2|m_s\^2|mm_s2|mps2|rad_s|radps|deg_s|degps|dps|m_s|mps|mm_s|ms|us|ns|[mun]sec|s|"
                    r"sec|m|mm|cm|ft|fps|ft_s|rad|deg|V|mV|mv|g|mg|N|kgf|gf|rpm|percent|pct)$")
 _TIME_UNIT = re.compile(r"(?i)(time|timestamp)(us|ms|ns)")
+_DSHOT = re.compile(r"(?i)(?<![a-z])dshot(?![a-z])")
+_AXIS_WANTED = re.compile(r"([xyz]|roll|pitch|yaw)(des|desired|ref|sp|cmd|target|setpoint)")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _APART = re.compile(r"[^a-z0-9]+")
 _ELECTRICAL = re.compile(r"(?i)(?<![a-z])(e[ _]?rpm|electric)")
@@ -30,7 +32,7 @@ _GYRO = {"gyro", "gyr", "gyroscope", "g", "rate", "rates", "w", "omega", "angvel
 _VELOCITY = {"v", "vel", "velocity", "speed", "geschwindigkeit", "vitesse"}
 _TURN = {"q", "quat", "quaternion", "orientation", "rot", "att", "attitude"}
 _PLACE = {"p", "pos", "position", "t", "translation", "trans"}
-_MOTOR, _SPEED = {"m", "motor", "motors", "pwm", "u", "esc", "throttle"}, {"rpm", "rotor"}
+_MOTOR, _SPEED = {"m", "motor", "motors", "pwm", "u", "esc", "throttle", "dshot"}, {"rpm", "rotor"}
 _BATTERY = {"vbat", "battery", "batt", "bat", "vbatt", "voltage", "batteriespannung"}
 _THRUST = {"thrust", "collective", "throttle"}
 _PLAIN = {"imu", "sensor", "body", "b", "filtered", "filt", "pose", "world", "global", "local",
@@ -50,9 +52,12 @@ _ANGLES = {"rollwinkel": "roll", "nickwinkel": "pitch", "gierwinkel": "yaw", "ro
 """Names of angles in German and French."""
 _GREEK = {"phi": "roll", "theta": "pitch", "psi": "yaw"}
 _HAMILTON = {"i": "x", "j": "y", "k": "z", "real": "w"}
+_HEIGHTS = ("altitude", "height", "hauteur", "höhe", "hoehe")
+"""Words of a third coordinate next to x and y."""
+_COMPASS = {"heading", "bearing", "azimuth", "cap"}
 _BODY_RATES = {"p": "x", "q": "y", "r": "z"}
 _TIME = {"t", "time", "timestamp", "timestamps", "stamp", "ts", "sec", "secs", "seconds", "datetime", "elapsed",
-         "boot", "utime", "zeit", "temps"}
+         "boot", "utime", "zeit", "temps", "horodatage", "zeitstempel"}
 _NO_PLACE = _MOTOR | _SPEED | _BATTERY | _THRUST | _TIME - {"t"} | {"imu", "sensor", "ang", "angular", "lin", "linear",
                                                                     "b"}
 """Words of vectors that are no positions, where they have a direction."""
@@ -67,7 +72,7 @@ def unit_of(column: str) -> str:
         if match := pattern.fullmatch(column) if pattern is _TIME_UNIT else pattern.search(column):
             written = match[place].lower() if pattern is _TIME_UNIT else match[place]
             return unit_as_written(written) or written
-    return ""
+    return "dshot" if _DSHOT.search(column) else ""
 
 
 def words_of(column: str) -> tuple[list[str], str]:
@@ -82,6 +87,8 @@ def words_of(column: str) -> tuple[list[str], str]:
     elif match := _ENDS.match(column) or _TIME_UNIT.fullmatch(column):
         column = match[1]
     words = [_ANGLES.get(w, w) for w in _APART.split(_CAMEL.sub("_", column).lower()) if w]
+    if words and (glued := _AXIS_WANTED.fullmatch(words[-1])):
+        words[-1:] = [glued[1], glued[2]]
     if words and (glued := re.fullmatch(r"([a-z]+?)([wxyz]|[0-8])", words[-1])) and glued[1] in (
             _ACC | _GYRO | _VELOCITY | _TURN | _MOTOR | _SPEED | _PLACE):
         words[-1:] = [glued[1], glued[2]]
@@ -101,6 +108,13 @@ def meaning(column: str) -> tuple[str, str] | str:
     last, before = words[-1], set(words[:-1])
     wanted, estimated = bool(before & _WANTED), bool(before & _ESTIMATED)
     known = _WANTED | _ESTIMATED | _MEASURED | _ACC | _GYRO | _VELOCITY | _TURN | _PLACE | _MOTOR | _SPEED | _BATTERY
+    if last in _COMPASS:
+        return ("a heading, usually clockwise from north: as a yaw, write sign = -1 and offset = 1.5708 (a quarter "
+                "turn in rad)")
+    if last == "d" and words[-2:-1] and words[-2] in ("x", "y", "z"):
+        return "desired, or a derivative? where it is desired, write it in [streams.setpoint]"
+    if last in ("rx", "ry", "rz"):
+        return "a turn about several axes: Euler angles and a rotation vector look alike; give a quaternion"
     if strange := [w for w in words[:-1] if w not in known | _PLAIN | _THRUST | _TIME and not _VEHICLE.fullmatch(w)]:
         return f"{strange[0]!r} is no word that is known"
     if before & {"ang", "angular"} and before & _ACC:
@@ -130,6 +144,8 @@ def meaning(column: str) -> tuple[str, str] | str:
         if before & _BATTERY or (wanted and before & _SPEED):
             return "a voltage, or a commanded speed, of a motor, which no task uses"
         return ("rpm" if before & _SPEED else "motor", f"m{last}") if "0" <= last <= "8" else "no motor has this number"
+    if last.isdigit() and unit == "rpm":
+        return ("rpm", f"m{last}") if "0" <= last <= "8" else "no rotor has this number"
     if last == "rpm" and (match := re.fullmatch(r"m?(\d)", words[-2] if len(words) > 1 else "")):
         return "rpm", f"m{match[1]}"
     if last not in ("w", "x", "y", "z"):
@@ -269,6 +285,8 @@ def directed(columns: Iterable[str]) -> dict[str, tuple[str, str]]:
             if set(axes) == set(of_direction):
                 found.update({of_direction[letter]: ("_".join([*before, axis]), axes)
                               for axis, letter in zip("xyz", axes, strict=True)})
+        if {"x", "y"} <= set(there) and "z" not in there and (height := next((h for h in _HEIGHTS if h in there), "")):
+            found[there[height]] = ("_".join([*before, "z"]), "")
         numbers = sorted(word for word in there if word.isdigit())
         letters = _COUNTED.get("".join(numbers), "")
         vector = any(len(word) > 1 for word in set(before) & (_PLACE | _VELOCITY | _ACC | _GYRO))

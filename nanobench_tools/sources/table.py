@@ -22,6 +22,7 @@ from .base import cell_faults, text_fault
 from .cells import EMPTY_CELLS, GIGANTIC, BadCells, Grid, LostRow, numbers, read_grid, read_text_columns
 from .column_map import ColumnMap, Entry, in_units, read_column_map
 from .dates import DATE_UNITS, seconds_of_dates
+from .dialect import unique_names
 from .header import header_of
 from .interpolation import count_changes, count_packets
 from .payload import check_size
@@ -45,13 +46,13 @@ class TableSource:
         """A Parquet file, or a text table that has the time column and one other column of the map."""
         if head.startswith(PARQUET_MAGIC):
             return True
-        names = set(header_of(head)[0])
+        names = set(unique_names(header_of(head)[0])[0])
         return self.map.time.column in names and any(e.column in names for e in self.map.entries)
 
     def why_not(self, head: bytes) -> str | None:
         if head.startswith(PARQUET_MAGIC) or self.map.topics:
             return None
-        names = set(header_of(head)[0])
+        names = set(unique_names(header_of(head)[0])[0])
         here = [c for c in self.map.columns if c in names]
         if self.map.time.column not in names:
             return f"the time column {self.map.time.column} of {self.map.path} is not there" + (

@@ -16,6 +16,7 @@ WRITTEN: dict[str, tuple[str, ...]] = {
     "in/s": ("in/s", "inch/s", "inches/second"),
     "ft/s": ("ft/s", "fps", "feet/second"),
     "km/h": ("km/h", "kmh", "kph", "kmh-1"),
+    "mph": ("mph", "mi/h", "miles/hour"),
     "m/s^2": ("m/s2", "m/s/s", "ms-2", "m_s2", "mps2", "m_per_s2"),
     "mm/s^2": ("mm/s2", "mms-2", "mm_s2"),
     "g": ("g", "g0", "gee", "gs", "g-force"),
@@ -45,6 +46,7 @@ WRITTEN: dict[str, tuple[str, ...]] = {
     "ns": ("ns", "nsec", "nanosecond", "nanoseconds"),
     "%": ("%", "percent", "pct", "per cent", "prozent"),
     "pwm16": ("pwm16", "uint16", "counts16"),
+    "dshot": ("dshot",),
     "1": ("1", "-", "ratio", "normalized", "normalised", "unitless", "dimensionless"),
 }
 """Unit of a map -> its spellings: lower case, micro as ``u``, without ``^`` and blanks."""

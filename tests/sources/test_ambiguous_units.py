@@ -63,3 +63,19 @@ def test_counts_of_an_accelerometer_are_named(tmp_path):
     draft = drafted(tmp_path, ("acc_x", "acc_y", "acc_z"), np.round(2048.0 / 9.81 * turn.inv().apply(a + G)))
     assert ("imu", "acc_z") not in draft.mapped
     assert "2048 of them 1 g" in draft.questions[0]
+
+
+@pytest.mark.parametrize("factor", [np.degrees(1.0), np.radians(1.0)], ids=["deg as rad", "rad as deg"])
+def test_a_gyro_in_another_unit_than_stated_is_asked_about_where_vibration_hides_it_in_rows(tmp_path, factor):
+    """Rows correlate with about 0.7, means over 0.2 s with more than 0.9."""
+    *_, turn, rate = flown()
+    shaken = rate + 0.6 * np.std(rate) * np.random.default_rng(3).standard_normal(rate.shape)
+    unit = "rad/s" if factor > 1.0 else "deg/s"
+    names = [f"gyro_{a} [{unit}]" for a in "xyz"]
+    columns = {"t": flown()[0], **dict(zip(names, (factor * shaken).T, strict=True)),
+               **dict(zip(("qx", "qy", "qz", "qw"), turn.as_quat().T, strict=True))}
+    rows = [",".join(columns), *(",".join(f"{c:.6g}" for c in row) for row in zip(*columns.values(), strict=True))]
+    (tmp_path / "flight.csv").write_text("\n".join(rows) + "\n")
+    draft = draft_columns(tmp_path / "flight.csv")
+    assert ("imu", "gyro_x") not in draft.mapped
+    assert "times as fast as the attitude" in draft.questions[0]

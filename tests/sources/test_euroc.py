@@ -97,7 +97,7 @@ def test_a_pose_and_an_imu_of_different_axes_are_left_alone_and_told(tmp_path):
     files = {**members(imu_in_body=turn), **CAMERA}
     del files["imu0/sensor.yaml"]
     flight = one(write_folder(tmp_path, files))
-    assert any("deg in the body, so one sensor.yaml is missing" in n
+    assert any("body axis is up, so one sensor.yaml is missing" in n
                for n in flight.provenance.notes)
     assert "imu0: no T_BS in a sensor.yaml, so its axes and origin are taken as those of the body" in (
         flight.metadata["read_as"])

@@ -300,3 +300,48 @@ def test_german_and_french_names_feet_and_parts_of_a_quaternion(tmp_path):
     np.testing.assert_allclose(french["mocap"]["vx", "vy", "vz"], v, atol=1e-7)
     np.testing.assert_allclose(french["mocap"]["qx", "qy", "qz", "qw"], turn.as_quat(), atol=1e-7)
     assert french["battery"]["vbat"][0] == pytest.approx(4.0)
+
+
+def test_a_height_next_to_x_and_y_and_wanted_axes_in_one_word(tmp_path):
+    t, p, *_ = flown()
+    wanted = p + 0.1
+    flight, _ = read(written(tmp_path, {"horodatage": t, "x": p[:, 0], "y": p[:, 1], "altitude": p[:, 2],
+                                        **vector(("xdes", "ydes", "zdes"), wanted)}))
+    np.testing.assert_allclose(flight["mocap"]["pz"], p[:, 2], atol=1e-6)
+    np.testing.assert_allclose(flight["setpoint"]["x", "y", "z"], wanted, atol=1e-6)
+
+
+def test_a_height_of_no_vector_and_letters_of_several_meanings_are_left_out_with_a_reason(tmp_path):
+    t, p, *_ = flown()
+    _, draft = read(written(tmp_path, {"t": t, "altitude": 488.0 + p[:, 2], **vector(("x_d", "y_d", "z_d"), p),
+                                       "compass_heading": 90.0 + 0.0 * t, "rx": 0.1 * t, "vbat": 4.0 - 0.01 * t}))
+    assert set(draft.mapped) == {("", "time"), ("battery", "vbat")}
+    assert "derivative" in draft.unknown["x_d"]
+    assert "clockwise" in draft.unknown["compass_heading"]
+    assert "rotation vector" in draft.unknown["rx"]
+
+
+def test_dshot_frames_and_speeds_of_rotors_with_a_unit(tmp_path):
+    t = flown()[0]
+    shares = 0.5 + 0.4 * np.sin(np.outer(t, np.arange(1.0, 5.0)))
+    frames = np.round(48.0 + 1999.0 * shares)
+    flight, _ = read(written(tmp_path, {"t": t, **vector([f"dshot_{k}" for k in range(1, 5)], frames),
+                                        **vector([f"omega{k}_rpm" for k in range(1, 5)], 20000.0 * shares)}))
+    np.testing.assert_allclose(flight["motor"].values, shares, atol=0.5 / 1999.0 + 1e-9)
+    np.testing.assert_allclose(flight["rpm"].values, 20000.0 * shares * np.pi / 30.0, rtol=1e-6)
+    with pytest.raises(InputError, match="dshot"):  # without the word they may be counts of 11 bits
+        draft_columns(written(tmp_path, {"t": t, **vector([f"motor{k}" for k in range(1, 5)], frames)}))
+
+
+def test_speeds_in_miles_an_hour(tmp_path):
+    t, p, v, *_ = flown()
+    names = [f"v{a} [mph]" for a in "xyz"]
+    flight, _ = read(written(tmp_path, {"t": t, **vector(("px", "py", "pz"), p), **vector(names, v / 0.44704)}))
+    np.testing.assert_allclose(flight["mocap"]["vx", "vy", "vz"], v, atol=1e-4)
+
+
+def test_the_index_of_pandas_is_the_time_where_it_holds_dates(tmp_path):
+    t, p, *_ = flown()
+    stamps = [str(np.datetime64("2026-03-01T10:00:00", "ns") + np.timedelta64(round(1e9 * s), "ns")) for s in t]
+    flight, _ = read(written(tmp_path, {"": stamps, **vector(("px", "py", "pz"), p)}))
+    np.testing.assert_allclose(flight["mocap"].time_s, t, atol=2e-6)

@@ -271,3 +271,12 @@ def test_a_stand_with_german_names(tmp_path):
     np.testing.assert_allclose(flight["stand"]["thrust"], command**2 / 2000, atol=1e-4)
     np.testing.assert_allclose(flight["battery"]["vbat"], 4.1 - command / 1000, atol=1e-9)
     np.testing.assert_allclose(flight["rpm"]["m1"], 200 * command * np.pi / 30, rtol=1e-9)
+
+
+def test_a_load_cell_and_french_names(tmp_path):
+    rows = "".join(f"{1000 + 10 * u};{u * u / 20:.3f};{4100 - u}\n" for u in range(0, 101, 5))
+    (tmp_path / "a.csv").write_text(f"gaz_us;load_cell_g;battery_mV\n{rows}")
+    flight, = load(tmp_path).flights
+    command = 100 * flight["motor"]["m1"]
+    np.testing.assert_allclose(flight["stand"]["thrust"], command**2 / 20 * 9.81e-3, atol=1e-5)
+    np.testing.assert_allclose(flight["battery"]["vbat"], 4.1 - command / 1000, atol=1e-9)
