@@ -183,8 +183,11 @@ def _of_several_units(draft: Draft, keys: list[Key], values: Mapping[str, np.nda
     if len(keys) < 2 or not draft.open(keys):
         return False
     si = draft.si(keys, values)
-    size = np.sqrt(np.nanmean(np.diff(so3.wrap_angle(si) if keys[0][0] == "attitude" and (
-        np.nanmax(np.abs(si)) < 2.0 * np.pi) else si, axis=0) ** 2, axis=0))
+    steps = np.diff(so3.wrap_angle(si) if keys[0][0] == "attitude" and (np.nanmax(np.abs(si)) < 2.0 * np.pi) else si,
+                    axis=0)
+    if not np.isfinite(steps).any(axis=0).all():
+        return False
+    size = np.sqrt(np.nanmean(steps**2, axis=0))
     about = {key[1][-1] if key[0] == "imu" else {"roll": "x", "pitch": "y", "yaw": "z"}[key[1]]: float(v)
              for key, v in zip(keys, size, strict=True)}
     across = [about[a] for a in "xy" if about.get(a, 0.0) > 0.0]
