@@ -168,7 +168,7 @@ def methods() -> str:
         shown: dict[str, str] = {}
         for name, found in registry.load_all(group).items():
             first = shown.setdefault(found.__module__, name)
-            file = markdown(inspect.getmodule(found).__doc__ or "")  # type: ignore[union-attr]
+            file = markdown(inspect.getmodule(found).__doc__ or "")
             parts.append("\n\n".join(filter(None, (
                 f"### {name} {{ #{name} }}", _facts(found), markdown(inspect.getdoc(found) or ""), _gains(found),
                 "" if "\n" not in file else file if first == name else f"Method and sources: [`{first}`](#{first})."))))
@@ -180,8 +180,9 @@ def _facts(found: Any) -> str:
     uses = {"as flown": "position and yaw setpoints", "lead": "position and yaw setpoints, sent earlier",
             "preview": "the reference with derivatives, and its future where known",
             "state": "the start state and the inputs", "past": "the start state, the inputs and the past"}
+    causal = getattr(found, "causal", None)
     facts = [text for text in (
-        {True: "Causal.", False: "It looks ahead."}.get(getattr(found, "causal", None), ""),
+        "" if causal is None else "Causal." if causal else "It looks ahead.",
         f"A command every {1e3 * found.period_s:g} ms." if hasattr(found, "period_s") else "",
         f"It knows {uses[found.information]}." if getattr(found, "information", None) in uses else "",
         f"Needs {' and '.join(f'`{s}`' for s in found.needs)}." if getattr(found, "needs", ()) else "") if text]
@@ -219,7 +220,7 @@ def sources() -> str:
              _table(("source", "format", "good for"), [(f"`{n}`", cell(a), cell(b)) for n, (a, b) in GOOD_FOR.items()])]
     for name, kind in registry.load_all("sources").items():
         own = (inspect.getdoc(kind) or "").removeprefix(f"Source ``{name}``").strip(".:; ")
-        file = markdown(inspect.getmodule(kind).__doc__ or "")  # type: ignore[union-attr]
+        file = markdown(inspect.getmodule(kind).__doc__ or "")
         parts.append("\n\n".join([f"## {name} {{ #{name} }}", file,
                                   *([f"{markdown(own[:1].upper() + own[1:])}."] if own else [])]))
     return "\n\n".join(parts)
