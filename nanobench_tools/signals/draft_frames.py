@@ -91,7 +91,9 @@ def _turn(draft: Draft, stream: str, world: np.ndarray, body: np.ndarray, why: s
     axes = name_of(body, False) if stream == "imu" else name_of(world, True)
     axes += f"/{name_of(body, False)}" if rotated and stream in ROTATED else ""
     draft.frames[stream] = axes
-    draft.notes.append(f"{stream}: in {axes} axes, turned to z up and x forward, since {why}")
+    alike = axes[1] == "U" and not draft.columns("imu", GYRO)  # which turns the other way in a mirrored world
+    mirrored = "; those of Unity are left-handed and look alike: negate z there" * alike
+    draft.notes.append(f"{stream}: in {axes} axes, turned to z up and x forward, since {why}{mirrored}")
 
 
 def _share(draft: Draft, shared: SharedFrame) -> None:

@@ -35,7 +35,7 @@ MOST_KINDS, TURNS = 20, 0.2
 """Largest number of them, and the share of rows in which another one begins."""
 SAMPLE = 1 << 20
 """Bytes of a table that are searched for thousands separators."""
-MARKS = ",.' \N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}"
+MARKS = ",.' \N{RIGHT SINGLE QUOTATION MARK}\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}\N{THIN SPACE}\N{FIGURE SPACE}"
 DIGITS = re.compile(rf"[+-]?\d[\d{re.escape(MARKS)}]*")
 GROUPED_CELLS = count("audit.draft_table.grouped_cells")
 

@@ -158,8 +158,8 @@ def ranked_by_clock(options: Options, flights: Sequence[Flight], audits: Mapping
                     methods: Sequence[Any] | None, aidings: Sequence[Aiding] | None = None,
                     further: Sequence[Any] = ()) -> list[ClockRanking]:
     """Which method is best as recorded and re-timed, among those that were given the same. For that the flights are
-    scored re-timed, too, if the audit found a time error in one of them. Empty for ``body`` on another clock, and
-    where no two methods were given the same."""
+    scored re-timed, too, if the audit found a time error in one of them. Empty for ``body`` on another clock, for
+    trajectory files alone, and where no two methods were given the same."""
     from ..auditing.faults.kinds import those
     from ..protocols.compare import rankings
     from ..protocols.task3 import PUBLISHED
@@ -169,7 +169,7 @@ def ranked_by_clock(options: Options, flights: Sequence[Flight], audits: Mapping
     several = Counter((row.protocol, row.inputs) for row in body.rows if row.group == "all"
                       and row.clock == AS_RECORDED and row.protocol not in PUBLISHED and late & set(row.flights))
     protocols = list(dict.fromkeys(protocol for (protocol, _), n in several.items() if n > 1))
-    if options.clock != AS_RECORDED or not protocols:
+    if options.clock != AS_RECORDED or not protocols or (methods is not None and not methods):
         return rankings(body.rows)
     moved = replace(options, clock="retimed", quiet=True, out=None, failed=[])
     again = estimate_body(moved, see(moved, flights, audits), protocols, methods, aidings=aidings, further=further)

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from nanobench_tools.protocols.sessions import Drawn
 from nanobench_tools.sources.discover import load_recordings
 from nanobench_tools.sources.nanobench_writer import write_nanobench
 from nanobench_tools.steps.controlling import _show
+from nanobench_tools.steps.estimating import ranked_by_clock
 from nanobench_tools.steps.options import Options
 
 
@@ -89,6 +91,14 @@ def test_truth_scored_as_a_trajectory_has_no_error(call, folder, tmp_path):
     assert (code, row["method"], row["causal"], row["n"]) == (0, "mine", None, 2)
     assert row["metrics"]["ate_unaligned_rmse_m"]["mean"] < 1e-6
     assert "not known" in row["given"]
+
+
+def test_trajectory_files_alone_are_not_scored_on_another_clock():
+    """Two folders of a flight whose clock wanders."""
+    rows = [SimpleNamespace(protocol="clean", inputs="files", group="all", clock="as-recorded", flights=["f"],
+                            method=name, metrics={}) for name in ("one", "two")]
+    audits = {"f": SimpleNamespace(faults=[SimpleNamespace(kind="clock_wander")])}
+    assert ranked_by_clock(Options(), [], audits, SimpleNamespace(rows=rows), methods=[]) == []
 
 
 def test_broken_trajectories_fail_alone_and_are_named(call, folder, tmp_path):

@@ -101,7 +101,9 @@ def test_axes_that_no_name_states_are_shown_by_the_flight(tmp_path, world, frame
         table |= {f"gyro_{axis}": c for axis, c in zip("xyz", (body * w).T, strict=True)}
     rows = [",".join(table), *(",".join(f"{c:.7g}" for c in row) for row in zip(*table.values(), strict=True))]
     (tmp_path / "flight.csv").write_text("\n".join(rows) + "\n")
-    (tmp_path / "map.toml").write_text(draft_columns(tmp_path / "flight.csv").text)
+    draft = draft_columns(tmp_path / "flight.csv")
+    assert any("left-handed" in note for note in draft.notes) == (frame == "EUS" and "imu" not in streams)
+    (tmp_path / "map.toml").write_text(draft.text)
     (flight,) = load_recordings([tmp_path / "flight.csv"], columns=tmp_path / "map.toml", cache=False).flights
     np.testing.assert_allclose(flight["mocap"]["px", "py", "pz"], p, atol=1e-5)
     if streams == "poses and imu":

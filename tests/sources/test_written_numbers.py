@@ -26,8 +26,9 @@ def written(folder, cell, delimiter=";", order=None):
 @pytest.mark.parametrize("cell", [
     lambda c: f"{c:,.3f}", lambda c: f"{c:,.0f}", lambda c: f"{c:,.0f}".replace(",", "."),
     lambda c: f"{c:,.0f}".replace(",", "'"), lambda c: f"{c:,.0f}".replace(",", "\N{NO-BREAK SPACE}"),
+    lambda c: f"{c:,.1f}".replace(",", "\N{THIN SPACE}"), lambda c: f"{c:,.1f}".replace(",", "\u2019"),
     lambda c: f"{c:,.1f}".replace(",", "_").replace(".", ",").replace("_", ".")],
-    ids=["1,234.567", "1,234", "1.234", "1'234", "1 234", "1.234,5"])
+    ids=["1,234.567", "1,234", "1.234", "1'234", "1 234", "thin space", "1’234.5", "1.234,5"])
 def test_thousands_separators_are_refused(tmp_path, cell):
     with pytest.raises(InputError, match=r"column t_ms: .* has a thousands separator"):
         draft_columns(written(tmp_path, cell))
