@@ -59,10 +59,13 @@ class Flight:
 def flies(model: Model, data: FitWindows) -> Flight:
     """Fly ``model`` for a few seconds; ``data``: the logged values near hover."""
     battery_V = float(np.median(data.battery_V))
-    found = [_hold(model, battery_V, *gains) for gains in ATTITUDE_GAINS]
-    stable = [bool(np.isfinite(error) and error < NEAR_M and tilt < NEAR_RAD) for error, tilt in found]
-    held = stable.index(True) if any(stable) else 0
-    return Flight(any(stable), float(found[held][0]), *hover(model, data))
+    errors = []
+    for gains in ATTITUDE_GAINS:
+        error, tilt = _hold(model, battery_V, *gains)
+        errors.append(float(error))
+        if stable := bool(np.isfinite(error) and error < NEAR_M and tilt < NEAR_RAD):
+            break
+    return Flight(stable, errors[-1 if stable else 0], *hover(model, data))
 
 
 def thrusts(model: Model, u: np.ndarray, battery_V: float) -> np.ndarray:
@@ -117,6 +120,8 @@ def _hold(model: Model, battery_V: float, attitude_gain: float, rate_gain: float
     mix = np.linalg.pinv(np.array([np.ones(4), arms[:, 1], -arms[:, 0]]))
     delay = int(model.parameters.get("command_delay.delay_s", 0.0) / row_s)
     waiting = [np.full((n, 4), np.interp(weight / 4.0, curve.mean(axis=0), levels))] * (delay + 2)
+    rising = np.maximum.accumulate(curve, axis=1)
+    step = numeric.stepper(model)
     turned = np.inf
     with np.errstate(all="ignore"):
         for _ in range(int(SECONDS / row_s)):
@@ -128,14 +133,13 @@ def _hold(model: Model, battery_V: float, attitude_gain: float, rate_gain: float
             moment = inertia[:2] * (attitude_gain * lean - rate_gain * state[:, RATE][:, :2])
             lift = model.vehicle.mass_kg * np.linalg.norm(wanted, axis=1)
             commanded = np.column_stack([lift, moment]) @ mix.T
-            u = np.stack([np.interp(commanded[:, i], np.maximum.accumulate(curve[i]), levels) for i in range(4)],
-                         axis=1)
+            u = np.stack([np.interp(commanded[:, i], rising[i], levels) for i in range(4)], axis=1)
             waiting = [*waiting[1:], u]
             row = np.zeros((n, len(model.inputs)))
             row[:, :4], row[:, 4] = waiting[1], battery_V
             if row.shape[1] > 5:
                 row[:, 5:9], row[:, 9] = waiting[0], delay
-            state = numeric.step(model, state, row)
+            state = step(state, row)
             if not np.isfinite(state).all():
                 return np.inf, np.inf
             up = so3.rotate(state[:, QUATERNION], np.array([0.0, 0.0, 1.0]))

@@ -31,10 +31,20 @@ def derivative(model: Model, states: np.ndarray, inputs: np.ndarray, parameters:
 def step(model: Model, states: np.ndarray, inputs: np.ndarray, parameters: np.ndarray | None = None, *,
          row_hz: float | None = None) -> np.ndarray:
     """states (n, 13 + rotors), inputs (n, I) -> states one row later."""
+    return stepper(model, parameters, row_hz=row_hz)(states, inputs)
+
+
+def stepper(model: Model, parameters: np.ndarray | None = None, *,
+            row_hz: float | None = None) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """``step`` of states and inputs, for many rows."""
     row_hz = row_hz or model.vehicle.rate_hz
-    made = equations(model, 1.0 / row_hz, parameters)
-    found = made.step(list(np.asarray(states, float).T), list(np.asarray(inputs, float).T), substeps(model, row_hz))
-    return _stacked(found, len(states))
+    made, count = equations(model, 1.0 / row_hz, parameters), substeps(model, row_hz)
+
+    def one(states: np.ndarray, inputs: np.ndarray) -> np.ndarray:
+        found = made.step(list(np.asarray(states, float).T), list(np.asarray(inputs, float).T), count)
+        return _stacked(found, len(states))
+
+    return one
 
 
 def start_states(model: Model, start: np.ndarray, warm: Callable[[], np.ndarray]) -> np.ndarray:
