@@ -11,7 +11,7 @@ from identification.mismatch.headline import RULES
 from nanobench_tools.auditing.faults.kinds import kinds
 from nanobench_tools.cli.main import VERBS
 from nanobench_tools.lookup import registry
-from tools.docs_site import check_links, docstring_text, generated, imports_picture
+from tools.docs_site import check_links, docstring_text, generated, imports_picture, peers
 
 DOCS = generated.ROOT / "docs"
 
@@ -117,6 +117,12 @@ def test_every_key_of_a_result_file_has_a_meaning():
                 missing += [f"{place}.{name}" for name in
                             {f.name for f in dataclasses.fields(found)} ^ documented(found, "Attributes")]
     assert missing == []
+
+
+def test_comparisons_with_other_tools_are_those_that_were_measured():
+    assert set(peers.SPEED) - set(peers.ratios()) == set()
+    assert [test for *_, test in peers.AGREEMENT if not (generated.ROOT / test).is_file()] == []
+    assert "| pysindy, " in peers.page()
 
 
 def test_sections_of_a_docstring_are_lists():

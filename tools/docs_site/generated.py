@@ -17,7 +17,7 @@ from nanobench_tools.auditing.faults.kinds import kinds
 from nanobench_tools.cli.main import VERBS, cli
 from nanobench_tools.lookup import registry
 
-from . import imports_picture
+from . import imports_picture, peers
 from .docstring_text import cell, entries, markdown, sections
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -327,5 +327,6 @@ PAGES: dict[str, Callable[[], str]] = {
     "reference/result_files.md": schemas,
     "reference/error_messages.md": error_messages,
     "reference/imports.md": imports_picture.page,
+    "peers.md": peers.page,
 }
 """Page of the site -> what writes it."""
