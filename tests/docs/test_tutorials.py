@@ -9,7 +9,7 @@ from tools import tutorials
 
 SLOW = {"simulator_check", "vehicle_and_thrust", "own_controller", "mpc", "dead_log", "thrust_stand", "first_log",
         "compare_estimators", "no_drag", "function_simulator", "blackout", "exports", "own_units", "trajectory_files",
-        "linear_model", "euroc", "own_estimator"}
+        "linear_model", "euroc", "own_estimator", "cut_propeller", "believed_wind"}
 """More than two seconds."""
 NUMBER = re.compile(r"-?\d+\.?\d*(?:e-?\d+)?")
 TOLERANCE = 0.05
