@@ -24,7 +24,7 @@ LARGEST_PICTURE = 100_000
 """Bytes."""
 TITLE_WIDTH = 110
 """Characters of a line of a title."""
-PRINTED_WIDTH = 92
+PRINTED_WIDTH = 84
 """Characters of a printed line that a page of 1280 pixels shows."""
 ALT = re.compile(r"^# alt: (.*)\n", re.M)
 

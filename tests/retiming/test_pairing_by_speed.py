@@ -31,7 +31,7 @@ def test_positions_get_the_clock_and_the_heading_of_the_log(flight):
     assert -0.005 < error_s[0] < 0.05  # the estimate's own delay is in it
     apart = both["mocap"]["px", "py", "pz"] - flight["mocap"]["px", "py", "pz"]
     assert np.nanmax(np.abs(apart - np.nanmean(apart, axis=0))) < 0.1
-    assert "the delay of the estimate is part of this offset" in both.provenance.notes[-1]
+    assert "The delay of the estimate is part of this offset" in both.provenance.notes[-1]
 
 
 def test_positions_of_another_flight_do_not_meet(flight, crowd):
