@@ -27,7 +27,8 @@ from nanobench_tools.sources import load_recordings
 SCALES = (1000.0, 0.001, 100.0, 180.0 / np.pi, np.pi / 180.0)
 """Millimetres, kilometres and centimetres for metres, degrees for radians and the reverse."""
 SAYING = frozenset({"unit", "frame", "body_frame", "axis_swap", "sign", "quaternion_order", "bad_cell", "coarse_time",
-                    "no_common_time", "saturated_sensor", "never_flew", "constant_offset", "backward_time"})
+                    "no_common_time", "saturated_sensor", "gyro_bias", "never_flew", "constant_offset",
+                    "backward_time"})
 """Kinds of fault that say of a quantity that it is not what it should be, rather than of rows that some are lost."""
 QUATERNION = ("qx", "qy", "qz", "qw")
 SUFFIXES = (".csv", ".tsv", ".txt", ".tum")

@@ -154,10 +154,7 @@ def lengths_that_fit(values: np.ndarray, time_s: np.ndarray, factors: dict[str, 
 
 def pull_of(values: np.ndarray, time_s: np.ndarray, exceeded_in: float = 0.1) -> float:
     """Size of the second derivative of (n, k) positions, exceeded in a tenth of the rows."""
-    rates = rate_of(time_s, rate_of(time_s, smooth(smooth(values))))
-    if not np.isfinite(rates).any():
-        return 0.0
-    return float(np.nanquantile(np.linalg.norm(rates, axis=1), 1.0 - exceeded_in))
+    return size_of(rate_of(time_s, rate_of(time_s, smooth(smooth(values)))), exceeded_in)
 
 
 def no_vehicle_flies(values: np.ndarray, time_s: np.ndarray) -> bool:

@@ -79,3 +79,12 @@ def test_a_gyro_in_another_unit_than_stated_is_asked_about_where_vibration_hides
     draft = draft_columns(tmp_path / "flight.csv")
     assert ("imu", "gyro_x") not in draft.mapped
     assert "times as fast as the attitude" in draft.questions[0]
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_coordinate_in_every_other_row_is_drafted_without_a_warning(tmp_path):
+    t, p, *_ = flown()
+    rows = [f"{s:.6g},{x:.6g},{'' if i % 2 else f'{y:.6g}'},{z:.6g}" for i, (s, (x, y, z)) in enumerate(
+        zip(t, p, strict=True))]
+    (tmp_path / "flight.csv").write_text("\n".join(["t,x,y,z", *rows]) + "\n")
+    assert ("mocap", "px") in draft_columns(tmp_path / "flight.csv").mapped
