@@ -47,9 +47,10 @@ FLYING = ("practice", "rotorpy", "both")
 @click.option("--kind", "kinds", multiple=True, metavar="KIND",
               help="null, single, twin, pair, fault, change, foreign; may repeat. Default: all, in fixed shares.")
 @click.option("--engine", metavar="NAME",
-              help="Who flies: practice (the engine of this project), rotorpy, or both in turn (default). "
-                   "What RotorPy cannot fly, and all without it, the first one flies; every case says who it was. With "
-                   "--corrupted and --shipped: what diagnoses, posterior (default), rules or module:function.")
+              help="Engine that flies the cases: practice (of this project), rotorpy, or both in turn (default). "
+                   "Practice also flies what RotorPy cannot, and everything where it is not installed; every case "
+                   "reports its engine. With --corrupted and --shipped: what diagnoses, posterior (default), rules or "
+                   "module:function.")
 @click.option("--diagnosed-by", type=click.Choice(ENGINES), default=None,
               help="What diagnoses made-up cases and those of --concealed and --corrupted. Default: posterior.")
 @click.option("--concealed", is_flag=False, flag_value=DEFAULT_PLACES, metavar="[DIR]",
@@ -71,7 +72,7 @@ FLYING = ("practice", "rotorpy", "both")
               help="Of --corrupted: groups of flights a vehicle. Default: 2.")
 @click.option("--mass", "mass_kg", type=float, default=None, metavar="KG",
               help=f"Mass of the vehicle of --concealed (default {MASS_KG}) or --real (default: what the firmware's "
-                   "thrust curve says it carried).")
+                   "thrust curve gives).")
 @click.option("--real", type=PATH, metavar="DIR",
               help="Real folders instead, one per change of the vehicle, one of them normal. Every other one is "
                    "diagnosed blind against it, and each normal flight against the other normal ones.")

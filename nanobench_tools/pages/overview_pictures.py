@@ -203,8 +203,9 @@ def blackout(estimate: Mapping[str, Any] | None) -> Figure | None:
     if not panels:
         return None
     return Figure("Error since the poses stopped",
-                  "Median and quartiles over the windows of all flights, as recorded. Inside 3 sigma: how many errors "
-                  "are no larger than an estimator says they may be; 99.7 % would be right.", panels)
+                  "Median and quartiles over the windows of all flights, as recorded. Inside 3 sigma: "
+                  "share of the errors within three standard deviations that an estimator reports; 99.7 % would be "
+                  "right.", panels)
 
 
 def clocks(audit: Mapping[str, Any] | None) -> Figure | None:

@@ -148,8 +148,8 @@ def task3_windows(estimate: Mapping[str, Any]) -> Table:
                 f"{f['median']:.3f} / {f['p90']:.3f} ({f['n']})" if f else "-" for f in found)))
     return Table.plain("Blackout, end error over windows, m: median / p90 (windows)",
                        ("group", "method", "clock", "error", *(f"{h:.0f} s" for h in HORIZONS_S)), lines,
-                       "Windows of one flight, and flights of one session, are alike: their number says little of how "
-                       "sure a median is.")
+                       "Windows of one flight, and flights of one session, are alike. Their number therefore does not "
+                       "show how sure a median is.")
 
 
 def task3_consistency(estimate: Mapping[str, Any]) -> Table:

@@ -97,5 +97,5 @@ def test_the_tables_say_sessions_windows_and_who_set_the_clock(nanobench, wander
     assert "found off-line from gyro, acceleration, attitude against motion capture" in said
     row = next(line for line in shown.splitlines() if "3-D" in line).split()
     assert row[:4] == ["all", "drag_ekf", "retimed", "3-D"]
-    assert "says little of how sure a median is" in said
+    assert "does not show how sure a median is" in said
     assert "…" not in shown

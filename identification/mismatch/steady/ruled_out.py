@@ -52,5 +52,5 @@ def _why(found: Weighed, cause: str, odds: float) -> str:
     worst = max(sums, key=lambda name: abs(sums[name]))
     if abs(sums[worst]) * 2.0 > LEFT * found.sd["gains"]:
         return f"{words}{would} ({chance}: leaves {100 * sums[worst]:+.1f} % in {worst})"
-    return f"{words}{would} ({chance}: it has more freedom than the flights ask for)" if odds < UNLIKELY else \
+    return f"{words}{would} ({chance}: it has more freedom than the flights require)" if odds < UNLIKELY else \
         f"{words}{would} ({chance})"
