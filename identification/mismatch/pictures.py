@@ -25,6 +25,8 @@ SHOWN = 4
 """Covariates that are drawn."""
 CELLS = 9
 """Cells of the map along its longer side."""
+FARTHEST = 4.0
+"""Shares of the way from the simulator to the flights."""
 LEAST_CELL_M = 0.1
 NOT_DRAWN = ("constant", "flight", "hypothesis", *MEMORY)
 """Groups of covariates that are not informative in a plot: rates follow a torque as well as cause one."""
@@ -211,14 +213,15 @@ def room(left: Left) -> dict[str, Any]:
 
 
 def intervals(body: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Each parameter as a share of the way from the simulator's value (0) to the flights' (1)."""
+    """Each parameter as a share of the way from the simulator's value (0) to the flights' (1). Ends of its interval
+    beyond FARTHEST are drawn there."""
     found = []
     for entry in body["findings"]:
         for name, p in entry["parameters"].items():
             way = p["value"] - p["believed"]
             if way != 0.0:
-                ends = sorted((edge - p["believed"]) / way for edge in p["ci95"])
-                found.append({"name": name, "ends": rounded(np.array(ends)), "believed": p["believed"],
+                ends = np.clip(sorted((edge - p["believed"]) / way for edge in p["ci95"]), -FARTHEST, FARTHEST)
+                found.append({"name": name, "ends": rounded(ends), "believed": p["believed"],
                               "value": p["value"], "unit": p["unit"]})
     return found
 

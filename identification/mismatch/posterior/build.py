@@ -15,7 +15,7 @@ from ..space import MAPS, Space
 from ..wrench import Wrench
 from .arm_unit import arms
 from .background import MOMENTS, SHAKE, SWUNG, TRACKED, Background, background_of, reach_of, rms, turning_size
-from .effects import Effect, effects_of, within_reach
+from .effects import Effect, effects_of, within_reach, without_limits
 from .gain_error import gain_error
 from .rows import Products, Rows, Seen, rows_of
 from .set_evidence import MEANS, Evidence
@@ -98,7 +98,11 @@ def build(wrench: Wrench, space: Space, simulator: Model) -> Case:
     prior = np.concatenate([np.minimum(1.0, np.maximum(np.abs(lower), np.abs(upper)) * unit),
                             [MEANS.get(g, 1.0) for g in background.group.tolist()]])
     forces, torques = np.concatenate([force, background.force], 2), np.concatenate([torque, background.torque], 2)
-    rows = rows_of(wrench, residual, forces, torques, prior)
+    shaking = residual, forces, torques
+    if "saturation" in space.believed:  # a limit that acts hides how logged commands shake; so does less of that limit
+        lifting = np.append([effects[i].term == "saturation" for i in owner], np.zeros(len(background.group), bool))
+        shaking = wrench.residual(without_limits(space.model)), forces * ~lifting, torques * ~lifting
+    rows = rows_of(wrench, *shaking, prior)
     beside, left = rows.of(forces, torques), rows.of(residual[0][..., None], residual[1][..., None])
     numbers = np.unique(wrench.flight[wrench.force_at])
     whole = beside + left

@@ -30,17 +30,27 @@ SCATTERS = "its size scatters between flights by as much"
 
 @dataclass(frozen=True)
 class Size:
-    """One parameter: value of the simulator, estimate from the flights, and half width of its 95 % interval."""
+    """One parameter: value of the simulator, estimate from the flights, and half width of its 95 % interval.
+
+    ``most``: upper end of the interval of a limit that is higher than the simulator's. Noise of logged commands looks
+    as if there were one just above what the vehicle did, so it may be any higher one.
+    """
 
     believed: float
     value: float
     half: float
     unit: str
+    most: float | None = None
 
     @property
     def share(self) -> float:
         """Distance from the simulator's value, in half widths of the interval."""
         return abs(self.value - self.believed) / max(self.half, 1e-30)
+
+    @property
+    def ci95(self) -> tuple[float, float]:
+        """Ends of the interval."""
+        return self.value - self.half, self.value + self.half if self.most is None else self.most
 
 
 def no_predictions() -> float:
@@ -76,17 +86,29 @@ def narrowed(part: np.ndarray, covariance: np.ndarray, told: float) -> np.ndarra
 def _by_parameter(case: Case, effect: Effect, part: np.ndarray, covariance: np.ndarray) -> dict[str, Size]:
     if effect.map_share:
         return {f"{effect.term}.share": Size(0.0, float(part[0]), NINETY_FIVE * float(np.sqrt(covariance[0, 0])), "1")}
-    units = dict(zip(case.space.model.names, case.space.model.units, strict=True))
-    around, believed = case.space.model.parameters, case.simulator.parameters
-    return {name: Size(believed.get(name, around[name]), around[name] + float(way @ part),
-                       NINETY_FIVE * float(np.sqrt(way @ covariance @ way)), units[name])
-            for name, way in effect.moves.items()}
+    model, found = case.space.model, dict[str, Size]()
+    units, around = dict(zip(model.names, model.units, strict=True)), model.parameters
+    for name, way in effect.moves.items():
+        change = float(way @ part)
+        found[name] = Size(case.simulator.parameters.get(name, around[name]), around[name] + change,
+                           NINETY_FIVE * float(np.sqrt(way @ covariance @ way)), units[name],
+                           float(model.upper[model.index(name)]) if _raises_limit(name, change) else None)
+    return found
+
+
+def _raises_limit(name: str, change: float) -> bool:
+    return name.startswith("saturation.") and change > 0.0
 
 
 def _known(case: Case, which: int, found: Refined) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients (k,) of one effect of a set, and their covariance (k, k)."""
+    """Coefficients (k,) of one effect of a set, and their covariance (k, k). A limit that no flight reaches has no
+    slope, so the secant to it says how far it is from the simulator's."""
     mine = _mine(case, which, found)
-    return found.step[mine], found.covariance[mine, mine]
+    covariance = found.covariance[mine, mine]
+    if any(_raises_limit(name, way @ found.step[mine]) for name, way in case.effects[which].moves.items()):
+        at = case.evidence.columns((which,))
+        covariance = np.minimum(covariance, 1.0 / (case.evidence.rest[at, at] * case.evidence.unit[at] ** 2))
+    return found.step[mine], covariance
 
 
 def _share(sizes: Mapping[str, Size]) -> float:

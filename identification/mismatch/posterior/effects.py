@@ -79,6 +79,12 @@ def within_reach(wrench: Wrench, space: Space) -> Space:
     return replace(space, model=model.with_parameters(changes))
 
 
+def without_limits(model: Model) -> Model:
+    """The model with its limits at the highest values they may have."""
+    limits = [i for i, name in enumerate(model.names) if name.startswith("saturation.")]
+    return model.with_parameters({model.names[i]: float(model.upper[i]) for i in limits})
+
+
 def effects_of(wrench: Wrench, space: Space, simulator: Model) -> list[Effect]:
     """All readings of all terms around ``space.model``: one of a nearly linear term, several of others."""
     model = space.model

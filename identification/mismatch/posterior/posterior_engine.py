@@ -158,7 +158,7 @@ def _entry(finding: Finding, recordings: Recordings) -> dict[str, Any]:
             "confidence": min(finding.probability, LAST if single else 1.0),
             "where": {"axes": list(finding.axes), "frame": term.fixed_in, "covariate": None,
                       "flights": list(recordings.names), "regime": "all"},
-            "by_flight": {}, "parameters": {n: {"value": s.value, "ci95": [s.value - s.half, s.value + s.half],
+            "by_flight": {}, "parameters": {n: {"value": s.value, "ci95": list(s.ci95),
                                                 "unit": s.unit, "believed": s.believed}
                                             for n, s in finding.sizes.items()},
             "members": {finding.term: finding.probability, **finding.equivalent},

@@ -26,6 +26,7 @@ from identification.mismatch.space import with_other_map
 from identification.mismatch.wrench import CHANNELS, Wrench
 from nanobench_tools.errors import InputError
 from nanobench_tools.flight import Flight, Provenance
+from nanobench_tools.physics.model import find_term
 from tools.docs_site.docstring_text import entries, sections
 
 
@@ -207,6 +208,20 @@ def test_a_limit_of_thrust_is_found_from_a_simulator_without_one():
     found = diagnose(recordings_of(tracks), MODEL)
     assert [f["term"] for f in found.body["findings"]] == ["saturation"]
     assert found.corrected.parameters["saturation.T_max_N"] == pytest.approx(0.1, rel=0.01)
+
+
+@pytest.mark.slow
+def test_a_limit_below_hover_is_the_finding_although_commands_are_logged_with_noise(flown):
+    """Thrust follows such commands less than it should, and a limit halfway suits that better than none. Hover takes
+    0.098 N a motor. There is no limit, so any higher one is possible."""
+    rng = np.random.default_rng(5)
+    tracks = [replace(t, motor=np.clip(t.motor + 0.02 * rng.standard_normal(t.motor.shape), 0.0, 1.0))
+              for t in flown.tracks]
+    found = diagnose(recordings_of(tracks), MODEL.with_term("saturation", T_max_N=0.06))
+    assert [f["term"] for f in found.body["findings"]] == ["saturation"]
+    low, high = found.body["findings"][0]["parameters"]["saturation.T_max_N"]["ci95"]
+    assert low > 0.1
+    assert high == find_term("saturation").parameters[1].neutral
 
 
 @pytest.mark.parametrize(("force", "strained", "hidden", "unknown"), [
