@@ -37,9 +37,13 @@ $(VENV)/.installed: setup.cfg pyproject.toml constraints.txt | $(BIN)/python
 # evo is the referee of the metrics, allantools of the Allan deviation; their further dependencies are not needed.
 $(VENV)/.installed-test: setup.cfg pyproject.toml constraints.txt | $(BIN)/python
 	@$(FORMER)
-	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt -e ".[report,identification,smoothers,mpc,rotorpy,cluster,control,tune,ulog,rosbag,hdf5,excel,radio,viewer,learned,test]"
+	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt -e ".[report,identification,smoothers,mpc,rotorpy,cluster,control,tune,ulog,rosbag,hdf5,excel,radio,viewer,test]"
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -c constraints.txt evo allantools
 	@touch $@ $(VENV)/.installed
+
+$(VENV)/.installed-learned: $(VENV)/.installed-test
+	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt -e ".[learned]"
+	@touch $@
 
 $(VENV)/.installed-docs: setup.cfg pyproject.toml constraints.txt $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt -e ".[docs]"
@@ -48,7 +52,7 @@ $(VENV)/.installed-docs: setup.cfg pyproject.toml constraints.txt $(VENV)/.insta
 run: $(VENV)/.installed
 	$(BIN)/nanobench run --out $(OUT) --jobs $(JOBS)
 
-lint: $(VENV)/.installed-test
+lint: $(VENV)/.installed-learned
 	$(BIN)/ruff check .
 	$(BIN)/python -m tools.prose
 	$(BIN)/mypy
@@ -61,25 +65,25 @@ test: $(VENV)/.installed-test
 pytest: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n $(TEST_JOBS) --leave-out-slow
 
-types: $(VENV)/.installed-test
+types: $(VENV)/.installed-learned
 	$(BIN)/mypy
 
 # Learned models need processes of their own.
-learned: $(VENV)/.installed-test
+learned: $(VENV)/.installed-learned
 	NANOBENCH_TEST_LEARNED=1 $(BIN)/python -m pytest -n 0 --leave-out-slow tests/learned
 
 # What `make test` leaves out, and says so: proofs that take long.
-test-slow: $(VENV)/.installed-test
+test-slow: $(VENV)/.installed-learned
 	@$(MAKE) --no-print-directory -j 2 pytest-slow learned-slow
 
 pytest-slow: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n $(TEST_JOBS) -m slow
 
-learned-slow: $(VENV)/.installed-test
+learned-slow: $(VENV)/.installed-learned
 	NANOBENCH_TEST_LEARNED=1 $(BIN)/python -m pytest -n 0 -m slow tests/learned
 
 # Both at once: JAX starts and compiles once.
-learned-all: $(VENV)/.installed-test
+learned-all: $(VENV)/.installed-learned
 	NANOBENCH_TEST_LEARNED=1 $(BIN)/python -m pytest -n 0 tests/learned
 
 bench: $(VENV)/.installed-test

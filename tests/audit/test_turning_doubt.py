@@ -12,6 +12,7 @@ from nanobench_tools.flight import Flight, Provenance, make_stream
 
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
 POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
+SLOW = {"marks": pytest.mark.slow}
 KINDS = ("sign", "axis_swap", "frame", "quaternion_order", "body_frame")
 
 
@@ -44,7 +45,7 @@ def _found(flight):
              for f in faults}, [e.sentence for e in events_of(faults)])
 
 
-@pytest.mark.parametrize("wrong", [("mocap", "qz"), ("imu", "gyro_z")])
+@pytest.mark.parametrize("wrong", [("mocap", "qz"), pytest.param(("imu", "gyro_z"), **SLOW)])
 def test_a_heading_that_is_held_leaves_open_which_one_is_negated(flown, wrong):
     found, said = _found(_changed(_with(flown, "mocap", "imu"), *wrong))
     assert found == {("mocap", ("qz",)), ("imu", ("gyro_z",))}
@@ -52,21 +53,24 @@ def test_a_heading_that_is_held_leaves_open_which_one_is_negated(flown, wrong):
     assert "gyro_z is negated; or qz of mocap is negated" in said[0]
 
 
-@pytest.mark.parametrize("wrong", [("mocap", "qx"), ("mocap", "qy", "qz"), ("mocap", "qx", "qy"), ("imu", "gyro_x"),
-                                   ("imu", "gyro_y", "gyro_z"), ("imu", "gyro_x", "gyro_y")])
+@pytest.mark.parametrize("wrong", [
+    ("mocap", "qx"), *(pytest.param(wrong, **SLOW) for wrong in [
+        ("mocap", "qy", "qz"), ("mocap", "qx", "qy"), ("imu", "gyro_x"), ("imu", "gyro_x", "gyro_y")]),
+    ("imu", "gyro_y", "gyro_z")])
 def test_the_tilt_along_the_path_shows_which_one_is_wrong(flown, wrong):
     found, said = _found(_changed(_with(flown, "mocap", "imu"), *wrong))
     assert found == {(wrong[0], wrong[1:])}
     assert not any("; or" in text for text in said)
 
 
-@pytest.mark.parametrize("wrong", [("mocap", "qz"), ("imu", "gyro_z")])
+@pytest.mark.parametrize("wrong", [("mocap", "qz"), pytest.param(("imu", "gyro_z"), **SLOW)])
 def test_the_estimate_is_a_third_witness(flown, wrong):
     found, _ = _found(_changed(_with(flown, "mocap", "imu", "attitude_qw"), *wrong))
     assert found == {(wrong[0], wrong[1:])}
 
 
-@pytest.mark.parametrize("wrong", [("attitude", "roll"), ("imu", "gyro_x"), ("imu", "gyro_x", "gyro_y")])
+@pytest.mark.parametrize("wrong", [("attitude", "roll"), *(
+    pytest.param(wrong, **SLOW) for wrong in [("imu", "gyro_x"), ("imu", "gyro_x", "gyro_y")])])
 def test_the_motors_show_it_without_a_path(flown, wrong):
     found, _ = _found(_changed(_with(flown, "attitude", "imu", "motor"), *wrong))
     assert found == {(wrong[0], wrong[1:])}
@@ -81,7 +85,7 @@ def test_an_estimate_and_a_gyro_alone_are_a_question(flown, wrong, both):
     assert len(said) == 1
 
 
-@pytest.mark.parametrize("wrong", [("mocap", "qz"), ("imu", "gyro_z")])
+@pytest.mark.parametrize("wrong", [("mocap", "qz"), pytest.param(("imu", "gyro_z"), **SLOW)])
 def test_the_set_point_of_the_heading_decides(wrong):
     found, _ = _found(_changed(_turning_on_the_spot(), *wrong))
     assert found == {(wrong[0], wrong[1:])}

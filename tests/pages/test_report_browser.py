@@ -111,19 +111,34 @@ def opened(browser, path):
         assert trouble == []
 
 
-@pytest.fixture(scope="module")
-def desk(browser, path):
-    """One page for the tests that leave nothing behind another could trip over."""
-    page = Page(browser, path)
+def _shared(browser, path, **options):
+    page = Page(browser, path, **options)
     yield page
     trouble = list(page.trouble)
     page.context.close()
     assert trouble == []
 
 
-@pytest.mark.parametrize(("size", "scheme"), [(PHONE, "dark"), (DESK, "light")])
-def test_everything_is_drawn_and_fits_the_width(opened, size, scheme):
-    page = opened(size=size, color_scheme=scheme, has_touch=size == PHONE)
+@pytest.fixture(scope="module")
+def desk(browser, path):
+    """One page for the tests that leave nothing behind another could trip over."""
+    yield from _shared(browser, path, color_scheme="light")
+
+
+@pytest.fixture(scope="module")
+def phone(browser, path):
+    """As ``desk``."""
+    yield from _shared(browser, path, size=PHONE, color_scheme="dark", has_touch=True)
+
+
+def test_nothing_is_drawn_before_it_is_near(phone):
+    assert phone.page.get_attribute("#fig-attribution", "data-drawn") is None
+    assert phone.ink("attribution") > 2
+
+
+@pytest.mark.parametrize("shown", ["phone", "desk"])
+def test_everything_is_drawn_and_fits_the_width(shown, request):
+    page = request.getfixturevalue(shown)
     assert page.overflow() <= 0
     assert {picture: page.ink(picture) for picture in PICTURES if page.ink(picture) < 2} == {}
     texts = page.page.eval_on_selector_all("td, tbody th", "list => list.map(c => c.textContent.trim().toLowerCase())")
@@ -136,11 +151,10 @@ CUT_TEXTS = """id => { const edge = document.querySelector(`#fig-${id} .plot .ma
         box.left < edge.left - 1 || box.right > edge.right + 1)).map(([text]) => text); }"""
 
 
-def test_no_text_of_a_picture_is_cut_on_a_phone(opened):
-    page = opened(size=PHONE)
+def test_no_text_of_a_picture_is_cut_on_a_phone(phone):
     assert {name: cut for name in ("usable", "deadlogs", "task1", "attribution", "speed")
-            if (cut := page.seen(name).page.evaluate(CUT_TEXTS, name))} == {}
-    assert "&quot;" not in page.page.locator("#fig-usable").inner_text()
+            if (cut := phone.seen(name).page.evaluate(CUT_TEXTS, name))} == {}
+    assert "&quot;" not in phone.page.locator("#fig-usable").inner_text()
 
 
 WIDER_THAN_ITS_BOX = """() => [...document.querySelectorAll("main .scroll")].filter(
@@ -259,15 +273,8 @@ def test_the_slider_shows_where_everything_was_and_says_it(desk):
     assert [x for name, x, y in dots if name == "motion capture"] == pytest.approx([1.0, 1.0], abs=0.02)
 
 
-def test_nothing_is_drawn_before_it_is_near(opened):
-    page = opened(size=PHONE)
-    assert page.page.get_attribute("#fig-attribution", "data-drawn") is None
-    assert page.ink("attribution") > 2
-
-
-def test_on_a_phone_a_row_is_a_card_with_its_numbers(opened):
-    page = opened(size=PHONE, has_touch=True)
-    cell = page.page.locator("#table-flights tbody tr:first-child td.num").first
+def test_on_a_phone_a_row_is_a_card_with_its_numbers(phone):
+    cell = phone.page.locator("#table-flights tbody tr:first-child td.num").first
     assert cell.get_attribute("data-head") == "Usable [s]"
     box = cell.bounding_box()
     assert box["x"] >= 0.0
