@@ -118,6 +118,9 @@ def _columns(candidate: Map, values: Mapping[str, float]) -> list[str]:
     def number(name: str, unit: str) -> str:
         return f"{values[name]:.{DIGITS}g} {unit}"
 
+    def plus(base: str, name: str) -> str:
+        return f"{base} {'-' if values[name] < 0.0 else '+'} {abs(values[name]):.{DIGITS}g} V"
+
     name, count = candidate.name, len(candidate.linear)
     if name == "thrust_pwm":
         return powers("u", count)
@@ -131,10 +134,11 @@ def _columns(candidate: Map, values: Mapping[str, float]) -> list[str]:
     if name == "power_law":
         return [f"u^{values['a']:.{DIGITS}g} * V^{values['b']:.{DIGITS}g}"]
     if name == "dc_motor":
-        drive = f"(u * V + {number('e_0', 'V')})"
+        drive = f"({plus('u * V', 'e_0')})"
         return [f"(2 * {drive} / (1 + (1 + 4 * {number('rho', '1/V')} * {drive})^0.5))^2"]
     if name == "switched_motor":
-        return [f"(u * (V + {number('s', 'V')}) + {number('e_0', 'V')})^2"]
+        switched = plus("V", "s")
+        return [f"({plus(f'u * ({switched})', 'e_0')})^2"]
     return [" * ".join(filter(None, (f"u^{a}" if a > 1 else "u", "" if not b else f"V^{b}" if b > 1 else "V")))
             for a, b in MONOMIALS]
 

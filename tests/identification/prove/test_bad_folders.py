@@ -58,7 +58,7 @@ def test_one_flight_names_nothing(verdicts):
     verdict = verdicts["one flight"]
     assert verdict["outcome"] == "insufficient"
     assert verdict["findings"] == []
-    assert "1 flight with a trim, 2 are needed" in verdict["paragraph"]
+    assert "1 flight with a trim; 2 are needed" in verdict["paragraph"]
 
 
 def test_flights_that_never_left_the_ground_say_so(verdicts):

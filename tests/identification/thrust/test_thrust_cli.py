@@ -43,7 +43,7 @@ def test_train_and_test(tmp_path, nanobench):
     assert all(best["rms_N"] < r["rms_N"] for (m, s), r in rows.items() if m.startswith("firmware") and s == "test")
     assert best["n"] == 120
     assert set(found["parameters"][found["best"]].popitem()[1]) >= {"value", "ci95", "unit"}
-    assert found["best"] in out
+    assert "best map: DC motor" in out
     page = (tmp_path / "out" / "thrust.html").read_text()
     assert "http://" not in re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
     assert found["best"] in page
