@@ -227,7 +227,7 @@ def _write_page(options: Options, verdict: Verdict, recordings: Recordings) -> N
 def verdict_screen(options: Options, body: Mapping[str, Any]) -> list[Grid | str]:
     """The outcome, what the simulator is good for, what was found with its interval, predictions of flights left out;
     without a finding the paragraph."""
-    from identification.mismatch.headline import one_of, uses
+    from identification.mismatch.headline import headline, one_of, uses
 
     from ..physics.term_words import in_words
 
@@ -246,7 +246,7 @@ def verdict_screen(options: Options, body: Mapping[str, Any]) -> list[Grid | str
             Grid.plain(f"Prediction of {len(left)} flights left out" if (left := found.get("held_out")) else
                        "Prediction of the same flights, none left out",
                        ("after", "position m", "velocity m/s", "attitude rad", "rate rad/s"), steps),
-            "" if rows else shortened(body["paragraph"])]
+            "" if rows else shortened(body["paragraph"].removeprefix(headline(body)).lstrip())]
 
 
 def _outcome(body: Mapping[str, Any]) -> str:

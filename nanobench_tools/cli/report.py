@@ -22,7 +22,9 @@ def report(options: Options) -> int:
     another verb, such as diagnose, this one is overview.html.
     """
     from ..pages.report_page import RESULTS, write_report
+    from ..pages.tiles import tiles
     from ..results.result_files import read_json
+    from ..tables.result_table import Table
 
     folders = [path for path in options.data if any((path / f"{name}.json").is_file() for name in RESULTS)]
     if options.out is None and len(folders) == 1:
@@ -41,7 +43,10 @@ def report(options: Options) -> int:
     path = write_report(options.out, results, flights, {}, synthetic)
     drawn = f"pictures of {len(flights)} recording{'s' * (len(flights) != 1)}" if flights else (
         "no pictures of recordings: give --data")
-    close(options, f"{path} ({path.stat().st_size / 1e6:.1f} MB, {drawn})", "see it", *shown_page(path))
+    found = [[tile.title, tile.value, tile.detail] for tile in tiles(results)]
+    screen = [Table.plain("What the results say", ("question", "answer", "of"), found)] if found else []
+    close(options, f"{path} ({path.stat().st_size / 1e6:.1f} MB, {drawn})", "see it", *shown_page(path),
+          screen=screen)
     return options.exit_code()
 
 

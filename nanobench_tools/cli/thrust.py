@@ -107,9 +107,10 @@ def maps_screen(options: Options, part: Part, assumed: str = "") -> list[Table |
     heads = ("map", f"RMS {unit}", "95 %", "files", "inside 95 %", "status")
     kept = [i for i in range(len(heads)) if any(_cells(row, part)[i] != "-" for row in rows)]
     note = short_note(rows) if part.found.flown else short_note(rows).replace("one flight", "one file")
+    source = ("files that were" if max(row.files for row in rows) > 1 else "a file that was"
+              if part.result.split.endswith("as given") else "pieces of the file that were")
     table = Table.plain(
-        f"Thrust from {part.kind}s, {data_word(options)} data, rows of "
-        + ("files" if max(row.files for row in rows) > 1 else "pieces of the file") + " that were "
+        f"Thrust from {part.kind}s, {data_word(options)} data, rows of {source} "
         + ("held out" if rows[0].split == "test" else "fitted to"), [heads[i] for i in kept],
         [[_cells(row, part)[i] for i in kept] for row in rows], note)
     return [*formula(part, assumed), table]

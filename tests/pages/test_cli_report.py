@@ -50,6 +50,17 @@ def test_recordings_are_found_by_content_and_named_as_in_the_audit(folder, tmp_p
     assert '<option value="0" selected>loop two</option>' in (folder / "report.html").read_text("utf-8")
 
 
+def test_the_screen_answers_before_the_page(folder, capsys, results):
+    """The usable recordings of audit.json first, as on the page."""
+    assert main(["report", "--out", str(folder)]) == 0
+    out = capsys.readouterr().out
+    judged = [f for f in results["audit"]["flights"] if f["severity"]]
+    good = sum(f["severity"] != "unusable" for f in judged)
+    assert "Recordings usable" in out
+    assert f"{good} of {len(judged)}" in out
+    assert out.index("Recordings usable") < out.index("report.html")
+
+
 def test_an_empty_default_place_costs_only_the_pictures(folder, tmp_path, capsys):
     (tmp_path / "data").mkdir()
     code, said = call(capsys, "report", "--out", folder)

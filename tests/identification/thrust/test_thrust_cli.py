@@ -44,6 +44,7 @@ def test_train_and_test(tmp_path, nanobench):
     assert best["n"] == 120
     assert set(found["parameters"][found["best"]].popitem()[1]) >= {"value", "ci95", "unit"}
     assert "best map: DC motor" in out
+    assert "rows of a file that was held out" in out
     page = (tmp_path / "out" / "thrust.html").read_text()
     assert "http://" not in re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
     assert found["best"] in page
