@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import re
+import unicodedata
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
@@ -23,17 +24,19 @@ _ELECTRICAL = re.compile(r"(?i)(?<![a-z])(e[ _]?rpm|electric)")
 _VEHICLE = re.compile(r"(cf|uav|drone|quad|robot|agent|mav|rb|rigidbody)\d*|body\d+")
 
 _WANTED = {"sp", "setpoint", "ref", "reference", "des", "desired", "target", "ctrltarget", "cmd", "command",
-           "commanded", "goal", "demand", "demanded", "nominal", "waypoint", "traj"}
+           "commanded", "goal", "demand", "demanded", "nominal", "waypoint", "traj", "soll", "sollwert", "consigne",
+           "consigna"}
 _ESTIMATED = {"estimate", "estimated", "est", "ekf", "kalman", "state", "onboard", "odom", "odometry"}
 _MEASURED = {"mocap", "vicon", "optitrack", "qualisys", "gt", "truth", "groundtruth", "meas",
-             "measured", "actual", "true", "nokov"}
-_ACC = {"acc", "accel", "acceleration", "accelerometer", "a", "beschleunigung"}
+             "measured", "actual", "true", "nokov", "ist", "istwert", "mesure", "medido", "medida"}
+_ACC = {"acc", "accel", "acceleration", "accelerometer", "a", "beschleunigung", "aceleracion",
+        "accelerazione"}
 _GYRO = {"gyro", "gyr", "gyroscope", "g", "rate", "rates", "w", "omega", "angvel", "drehrate", "winkelgeschwindigkeit"}
-_VELOCITY = {"v", "vel", "velocity", "speed", "geschwindigkeit", "vitesse"}
-_TURN = {"q", "quat", "quaternion", "orientation", "rot", "att", "attitude"}
-_PLACE = {"p", "pos", "position", "t", "translation", "trans"}
+_VELOCITY = {"v", "vel", "velocity", "speed", "geschwindigkeit", "vitesse", "velocidad", "velocita"}
+_TURN = {"q", "quat", "quaternion", "orientation", "rot", "rotation", "att", "attitude"}
+_PLACE = {"p", "pos", "position", "t", "translation", "trans", "posicion", "posizione"}
 _MOTOR, _SPEED = {"m", "motor", "motors", "pwm", "u", "esc", "throttle", "dshot"}, {"rpm", "rotor"}
-_BATTERY = {"vbat", "battery", "batt", "bat", "vbatt", "voltage", "batteriespannung"}
+_BATTERY = {"vbat", "battery", "batt", "bat", "vbatt", "voltage", "batteriespannung", "batterie", "bateria", "batteria"}
 _THRUST = {"thrust", "collective", "throttle"}
 _PLAIN = {"imu", "sensor", "body", "b", "filtered", "filt", "pose", "world", "global", "local",
           "log", "data", "vehicle", "crazyflie", "quadrotor", "drone", "linear", "lin", "angular", "ang", "pm", "raw",
@@ -48,16 +51,17 @@ others."""
 _COUNTED = {"012": "xyz", "123": "xyz", "1234": NUMBERED}
 _AXES = ("NED", "ENU", "NWU")
 _ANGLES = {"rollwinkel": "roll", "nickwinkel": "pitch", "gierwinkel": "yaw", "roulis": "roll", "tangage": "pitch",
-           "lacet": "yaw"}
-"""Names of angles in German and French."""
+           "lacet": "yaw", "alabeo": "roll", "cabeceo": "pitch", "guinada": "yaw", "rollio": "roll",
+           "beccheggio": "pitch", "imbardata": "yaw"}
+"""Names of angles in German, French, Spanish and Italian."""
 _GREEK = {"phi": "roll", "theta": "pitch", "psi": "yaw"}
 _HAMILTON = {"i": "x", "j": "y", "k": "z", "real": "w"}
-_HEIGHTS = ("altitude", "height", "hauteur", "höhe", "hoehe")
+_HEIGHTS = ("altitude", "height", "hauteur", "hohe", "hoehe", "altura", "altezza")
 """Words of a third coordinate next to x and y."""
 _COMPASS = {"heading", "bearing", "azimuth", "cap"}
 _BODY_RATES = {"p": "x", "q": "y", "r": "z"}
 _TIME = {"t", "time", "timestamp", "timestamps", "stamp", "ts", "sec", "secs", "seconds", "datetime", "elapsed",
-         "boot", "utime", "zeit", "temps", "horodatage", "zeitstempel"}
+         "boot", "utime", "zeit", "temps", "horodatage", "zeitstempel", "tiempo", "tempo"}
 _NO_PLACE = _MOTOR | _SPEED | _BATTERY | _THRUST | _TIME - {"t"} | {"imu", "sensor", "ang", "angular", "lin", "linear",
                                                                     "b"}
 """Words of vectors that are no positions, where they have a direction."""
@@ -86,13 +90,18 @@ def words_of(column: str) -> tuple[list[str], str]:
         column = column[:match.start()]
     elif match := _ENDS.match(column) or _TIME_UNIT.fullmatch(column):
         column = match[1]
-    words = [_ANGLES.get(w, w) for w in _APART.split(_CAMEL.sub("_", column).lower()) if w]
+    words = [_ANGLES.get(w, w) for w in _APART.split(_CAMEL.sub("_", _unaccented(column)).lower()) if w]
     if words and (glued := _AXIS_WANTED.fullmatch(words[-1])):
         words[-1:] = [glued[1], glued[2]]
     if words and (glued := re.fullmatch(r"([a-z]+?)([wxyz]|[0-8])", words[-1])) and glued[1] in (
             _ACC | _GYRO | _VELOCITY | _TURN | _MOTOR | _SPEED | _PLACE):
         words[-1:] = [glued[1], glued[2]]
     return words, unit
+
+
+def _unaccented(text: str) -> str:
+    """Letters without their accents."""
+    return "".join(c for c in unicodedata.normalize("NFD", text) if not unicodedata.combining(c))
 
 
 def meaning(column: str) -> tuple[str, str] | str:
@@ -123,7 +132,8 @@ def meaning(column: str) -> tuple[str, str] | str:
         return "a bias, which no task uses"
     if before & _WORLD and before & (_ACC | _GYRO):
         return "of an inertial sensor, in the axes of the world"
-    turning = bool(before & {"ang", "angular"} and before & (_VELOCITY | _GYRO)) or bool(before & _GYRO)
+    of_turn = bool(before & _TURN and before & (_VELOCITY - {"v"} | {"rate", "rates"}))
+    turning = bool(before & {"ang", "angular"} and before & _VELOCITY) or bool(before & _GYRO) or of_turn
     if last in NUMBERED and before & _TURN and not wanted:
         return "attitude_qw" if estimated else "mocap", f"q{last}"
     if last in _TIME and not before & (_ACC | _GYRO | _MOTOR) - {"t"}:
@@ -151,7 +161,7 @@ def meaning(column: str) -> tuple[str, str] | str:
     if last not in ("w", "x", "y", "z"):
         return f"{last!r} is no word that is known"
     estimated |= "imu" in before and bool(before & _TURN)
-    if before & _TURN and not before & _ACC:
+    if before & _TURN and not before & _ACC and not of_turn:
         return "an attitude set-point" if wanted else ("attitude_qw" if estimated else "mocap", f"q{last}")
     if last == "w" or (wanted and (turning or before & (_ACC | _VELOCITY))):
         return "a set-point that no task uses" if wanted else "'w' alone"

@@ -345,3 +345,53 @@ def test_the_index_of_pandas_is_the_time_where_it_holds_dates(tmp_path):
     stamps = [str(np.datetime64("2026-03-01T10:00:00", "ns") + np.timedelta64(round(1e9 * s), "ns")) for s in t]
     flight, _ = read(written(tmp_path, {"": stamps, **vector(("px", "py", "pz"), p)}))
     np.testing.assert_allclose(flight["mocap"].time_s, t, atol=2e-6)
+
+
+@pytest.mark.parametrize(("time", "place", "speed", "angles"), [
+    ("tiempo (s)", "posición_{}", "velocidad_{}", ("alabeo", "cabeceo", "guiñada")),
+    ("tempo", "posizione_{}", "velocità_{}", ("rollio", "beccheggio", "imbardata")),
+    ("Zeit [s]", "{}_ist", "Geschwindigkeit_{}", ("Rollwinkel", "Nickwinkel", "Gierwinkel"))])
+def test_names_in_other_languages(tmp_path, time, place, speed, angles):
+    t, p, v, _, turn, w = flown()
+    euler = turn.as_euler("ZYX")[:, ::-1]
+    flight, _ = read(written(tmp_path, {
+        time: t, **vector([place.format(a) for a in "xyz"], p), **vector([speed.format(a) for a in "xyz"], v),
+        **vector(angles, euler), **vector(("gyro_x", "gyro_y", "gyro_z"), w)}))
+    np.testing.assert_allclose(flight["mocap"]["px", "py", "pz"], p, atol=1e-8)
+    np.testing.assert_allclose(flight["mocap"]["vx", "vy", "vz"], v, atol=1e-8)
+    np.testing.assert_allclose(flight["attitude"]["roll", "pitch", "yaw"], euler, atol=1e-8)
+
+
+@pytest.mark.parametrize(("wanted", "measured"), [
+    ("{}_soll", "{}_ist"), ("{}_consigne", "{}_mesure"), ("{}_consigna", "{}_medida"), ("{}Soll", "{}Ist")])
+def test_set_points_in_other_languages_are_no_truth(tmp_path, wanted, measured):
+    t, p, *_ = flown()
+    flight, _ = read(written(tmp_path, {"t": t, **vector([wanted.format(a) for a in "xyz"], p + 0.01),
+                                        **vector([measured.format(a) for a in "xyz"], p)}))
+    np.testing.assert_allclose(flight["setpoint"]["x", "y", "z"], p + 0.01, atol=1e-8)
+    np.testing.assert_allclose(flight["mocap"]["px", "py", "pz"], p, atol=1e-8)
+
+
+@pytest.mark.parametrize("height", ["Höhe", "hoehe", "hauteur", "altura", "altezza"])
+def test_heights_in_other_languages(tmp_path, height):
+    t, p, *_ = flown()
+    flight, _ = read(written(tmp_path, {"t": t, "x": p[:, 0], "y": p[:, 1], height: p[:, 2]}))
+    np.testing.assert_allclose(flight["mocap"]["px", "py", "pz"], p, atol=1e-8)
+
+
+@pytest.mark.parametrize("axes", ["xyzw", "wxyz"])
+def test_a_rotation_of_four_columns_is_a_quaternion_and_its_rate_a_gyro(tmp_path, axes):
+    t, p, _, _, turn, w = flown()
+    q = turn.as_quat()
+    flight, _ = read(written(tmp_path, {
+        "t": t, **vector(("px", "py", "pz"), p), **{f"cf_Rotation_{a.upper()}": q[:, "xyzw".index(a)] for a in axes},
+        **vector(("rotation_rate_x", "rotation_rate_y", "rotation_rate_z"), w)}))
+    np.testing.assert_allclose(flight["mocap"]["qx", "qy", "qz", "qw"], q, atol=1e-8)
+    np.testing.assert_allclose(flight["imu"]["gyro_x", "gyro_y", "gyro_z"], w, atol=1e-8)
+
+
+def test_a_rotation_of_three_columns_is_no_quaternion(tmp_path):
+    t, p, _, _, turn, _ = flown()
+    draft = draft_columns(written(tmp_path, {"t": t, **vector(("px", "py", "pz"), p),
+                                             **vector(("Rotation_X", "Rotation_Y", "Rotation_Z"), turn.as_rotvec())}))
+    assert not any(name.startswith(("q", "gyro", "roll")) for _, name in draft.mapped)
