@@ -263,9 +263,11 @@ class Evidence:
         along = self._unnamed(free)
         doing = self.work.diagonal(axis1=1, axis2=2)
         share = doing / np.maximum(doing.sum(0), 1e-12)
-        feigned = UNNAMED * np.sqrt((along[:, None] ** 2 * self.varying * share / self.seen).sum(0))
         terms = [self.effects[i].term for i in self.owner]
-        levels = np.hypot([self._shared(t) for t in terms], self._turned(share))
+        feigned = (UNNAMED * along[:, None]) ** 2 * self.varying * share / self.seen
+        pushed = feigned[:3].sum(0) + np.array([self._shared(t) for t in terms]) ** 2
+        turned = feigned[3:].sum(0) + self._turned(share)
+        feigned = np.where([t in OFFSETS for t in terms], _both(share[:3].sum(0), pushed, turned), pushed + turned)
         loose = self.believed * [0.0 if t in OFFSETS else g if t in GAINS else LOOSE
                                  for t, g in zip(terms, self.gain_error, strict=True)]
         width = self.upper - self.lower
@@ -273,7 +275,7 @@ class Evidence:
                           for i, t in zip(self.owner, terms, strict=True)]) & np.isfinite(width)
         loose[shape] = width[shape] / RANGE
         readings = np.array([sum(e.term == t for e in self.effects) for t in terms])
-        spike = np.sqrt((SPIKE**2 + loose**2 + feigned**2 + levels**2) / readings)
+        spike = np.sqrt((SPIKE**2 + loose**2 + feigned) / readings)
         twins = np.array([t in TWINS for t in terms], bool)
         self.amplitudes[LIFT_OF_ALL] = float(np.max(spike[twins], initial=0.0))
         spike[twins] = 0.0
@@ -293,10 +295,10 @@ class Evidence:
         return float(np.hypot(between, self.lift_spread * (term in TWINS)))
 
     def _turned(self, share: np.ndarray) -> np.ndarray:
-        """(P,) m/s^2: what a constant moment that all flights share has to exceed. ``share`` (6, P): of each column's
-        work along each axis."""
+        """(P,) (m/s^2)^2: what a constant moment that all flights share has to exceed. ``share`` (6, P): of each
+        column's work along each axis."""
         trims = np.array([[self.amplitudes.get(level, 0.0)] for level in TRIMS])
-        return np.asarray(TILT_SHARED * np.sqrt((trims**2 * ((1.0 - self.varying) * share)[3:]).sum(0)))
+        return np.asarray(TILT_SHARED**2 * (trims**2 * ((1.0 - self.varying) * share)[3:]).sum(0))
 
     def _reduce(self) -> None:
         found = []
@@ -401,6 +403,14 @@ class Evidence:
         log = np.array(list(self.sets.values()))
         p = np.exp(log - np.logaddexp.reduce(log))
         return dict(zip(self.sets, p.tolist(), strict=True))
+
+
+def _both(share: np.ndarray, pushed: np.ndarray, turned: np.ndarray) -> np.ndarray:
+    """(P,) variance of the size of a disturbance that has to imitate its force and its moment at once: a tilt of the
+    markers is no wind, which also turns the vehicle. ``share``: of the force; ``pushed``, ``turned``: what imitates
+    either."""
+    told = share**2 / np.maximum(pushed, 1e-12) + (1.0 - share) ** 2 / np.maximum(turned, 1e-12)
+    return np.asarray(1.0 / np.maximum(told, 1e-12))
 
 
 def _log_between(low: np.ndarray, high: np.ndarray) -> np.ndarray:
