@@ -91,7 +91,7 @@ def turning_size(columns: np.ndarray, arm: np.ndarray) -> np.ndarray:
     return rms(columns * weight)
 
 
-def smooth(inputs: np.ndarray, length: float, flight: np.ndarray) -> np.ndarray:
+def smooth(inputs: np.ndarray, length: float) -> np.ndarray:
     """(n, k) centred leading functions of a Gaussian process of unit variance over inputs (n, d). Its length scale is
     ``length`` standard deviations. They hold WHOLE of its variance, or are MOST.
 
@@ -104,7 +104,7 @@ def smooth(inputs: np.ndarray, length: float, flight: np.ndarray) -> np.ndarray:
     size, ways = size[::-1], ways[:, ::-1]
     many = min(MOST, 1 + int(np.searchsorted(np.cumsum(size) / size.sum(), WHOLE)))
     found = _alike(z, some, length) @ (ways[:, :many] / np.sqrt(size[:many]))
-    return _varying(found, flight)
+    return np.asarray(found - found.mean(0))
 
 
 def _varying(columns: np.ndarray, flight: np.ndarray) -> np.ndarray:
@@ -174,9 +174,9 @@ def background_of(wrench: Wrench, space: Space, effects: Sequence[Effect], arm: 
     _levels(found, wrench, effects, made, quaternion, arm)
     place, air = wrench.of("position_m", at), so3.rotate_inverse(quaternion, wrench.of("velocity_m_s", at))
     load = np.sqrt(np.mean(wrench.of("motor", at) ** 2, axis=1))
-    found.add("place", in_body(_on_axes(smooth(place, PLACE_LENGTH, by))))
-    found.add("air", _beside(air, _on_axes(smooth(air, AIR_LENGTH, by))))
-    found.add("thrust", _on_axes(smooth(load[:, None], THRUST_LENGTH, by), [2]))
+    found.add("place", in_body(_on_axes(_varying(smooth(place, PLACE_LENGTH), by))))
+    found.add("air", _beside(air, _on_axes(smooth(air, AIR_LENGTH))))
+    found.add("thrust", _on_axes(smooth(load[:, None], THRUST_LENGTH), [2]))
     found.add("lean", _lean(wrench, wrench.axes_smoothed[:, :2, 2]))
     reach = reach_of(space.model)
     found.add(SWUNG, TRACKED * reach * in_body(wrench.swung))
@@ -187,9 +187,9 @@ def background_of(wrench: Wrench, space: Space, effects: Sequence[Effect], arm: 
         there = so3.rotate_inverse(turned, wrench.of("velocity_m_s", turns))
         push = np.sqrt(np.mean(wrench.of("motor", turns) ** 2, axis=1))
         about = 1.0 / arm[None, :, None]
-        at_place = smooth(wrench.of("position_m", turns), PLACE_LENGTH, turning)
+        at_place = _varying(smooth(wrench.of("position_m", turns), PLACE_LENGTH), turning)
         across = there[:, [1, 0, 2]] * [1.0, 1.0, 0.0]
-        in_air, by_thrust = smooth(there, AIR_LENGTH, turning), smooth(push[:, None], THRUST_LENGTH, turning)
+        in_air, by_thrust = smooth(there, AIR_LENGTH), smooth(push[:, None], THRUST_LENGTH)
         for name, axes in (("turn", (0, 1)), ("yaw", (2,))):  # yaw has little authority, and little that disturbs it
             for kind, features in (("place", at_place), ("air", in_air), ("thrust", by_thrust)):
                 columns = _on_axes(features, axes)

@@ -10,7 +10,7 @@ from nanobench_tools.settings import number
 
 from .build import Case
 from .certainty import on_bound
-from .set_evidence import FAMILIES
+from .set_evidence import FAMILIES, OFFSETS
 from .sizing import Refined, parts_of
 from .weighing import Weighing
 
@@ -31,7 +31,9 @@ def exchanges(weighing: Weighing, chosen: tuple[int, ...], which: int) -> Iterat
         exchanged = tuple(sorted({*chosen, other} - {which}))
         if (effect.term != evidence.effects[which].term and len(exchanged) == len(chosen)
                 and evidence.allowed(exchanged)):
-            lost = weighing.score(chosen) - weighing.score(exchanged)
+            both = {effect.term, evidence.effects[which].term} <= {*OFFSETS}
+            rate = weighing.evidence if both else weighing.score  # flights of a session share offsets of any size
+            lost = rate(chosen) - rate(exchanged)
             if lost < ALTERNATIVE:
                 yield other, exchanged, lost
 
