@@ -162,7 +162,6 @@ def reach_of(model: Model) -> float:
 def background_of(wrench: Wrench, space: Space, effects: Sequence[Effect], arm: np.ndarray) -> Background:
     """All columns of the background. ``arm``: ``arm_unit.arms``."""
     at, turns = wrench.force_at, wrench.torque_at
-    by, turning = wrench.flight[at], wrench.flight[turns]
     quaternion = wrench.quaternion[at]
     frame = so3.matrix(quaternion)
     made = wrench.model(space.model)[0]
@@ -174,7 +173,7 @@ def background_of(wrench: Wrench, space: Space, effects: Sequence[Effect], arm: 
     _levels(found, wrench, effects, made, quaternion, arm)
     place, air = wrench.of("position_m", at), so3.rotate_inverse(quaternion, wrench.of("velocity_m_s", at))
     load = np.sqrt(np.mean(wrench.of("motor", at) ** 2, axis=1))
-    found.add("place", in_body(_on_axes(_varying(smooth(place, PLACE_LENGTH), by))))
+    found.add("place", in_body(_on_axes(_varying(smooth(place, PLACE_LENGTH), wrench.flight[at]))))
     found.add("air", _beside(air, _on_axes(smooth(air, AIR_LENGTH))))
     found.add("thrust", _on_axes(smooth(load[:, None], THRUST_LENGTH), [2]))
     found.add("lean", _lean(wrench, wrench.axes_smoothed[:, :2, 2]))
@@ -187,7 +186,7 @@ def background_of(wrench: Wrench, space: Space, effects: Sequence[Effect], arm: 
         there = so3.rotate_inverse(turned, wrench.of("velocity_m_s", turns))
         push = np.sqrt(np.mean(wrench.of("motor", turns) ** 2, axis=1))
         about = 1.0 / arm[None, :, None]
-        at_place = _varying(smooth(wrench.of("position_m", turns), PLACE_LENGTH), turning)
+        at_place = smooth(wrench.of("position_m", turns), PLACE_LENGTH)
         across = there[:, [1, 0, 2]] * [1.0, 1.0, 0.0]
         in_air, by_thrust = smooth(there, AIR_LENGTH), smooth(push[:, None], THRUST_LENGTH)
         for name, axes in (("turn", (0, 1)), ("yaw", (2,))):  # yaw has little authority, and little that disturbs it

@@ -14,8 +14,16 @@ SPEED = RNG.uniform(0.0, 2.0, 400)
 COLUMN = -9.81 - RNG.normal(size=400)
 
 
-def said(monkeypatch, force, resting=0.0):
-    """What the residual ``force`` (400,) along z says, in noise of one. A speed below ``resting`` was never flown."""
+class Seen(SimpleNamespace):
+    """Columns of one flight."""
+
+    def __add__(self, other):
+        return Seen(force=(np.column_stack([self.force[0], other.force[0]]),))
+
+
+def said(monkeypatch, force, resting=0.0, hides=None):
+    """What the residual ``force`` (400,) along z says, in noise of one. A speed below ``resting`` was never flown.
+    ``hides``: the background takes all that goes with the speed."""
     flown = resting <= SPEED
     column, left = COLUMN[flown], force[flown]
     size = float(column @ left / (column @ column))
@@ -26,10 +34,10 @@ def said(monkeypatch, force, resting=0.0):
                              torque=np.zeros((0, 3, 1)))
     case = SimpleNamespace(
         wrench=wrench, effects=[effect], evidence=SimpleNamespace(unit=np.array([2.0]), columns=lambda chosen: [0]),
-        rows=SimpleNamespace(of=lambda force, torque: [force[:, 2]]),
-        across=lambda seen: np.concatenate(seen, axis=1), beside=lambda x, chosen: x.T @ x)
-    monkeypatch.setattr(in_motion, "slopes", lambda case, chosen, step, unit: [
-        np.column_stack([column / unit[0], left - column * step[0]])])
+        rows=SimpleNamespace(of=lambda force, torque: Seen(force=(force[:, 2],))),
+        across=lambda seen: seen.force[0], beside=lambda x, chosen: x.T @ x if hides is None else np.eye(3))
+    monkeypatch.setattr(in_motion, "slopes", lambda case, chosen, step, unit: Seen(force=(
+        np.column_stack([column / unit[0], left - column * step[0]]),)))
     found = SimpleNamespace(chosen=(0,), step=np.array([size]), slab=np.array([3.0]))
     return in_motion.only_in_motion(case, found, 0)
 
@@ -39,6 +47,11 @@ def said(monkeypatch, force, resting=0.0):
 def test_a_force_that_is_gone_at_rest_is_no_mass(monkeypatch, by_speed, moving):
     force = 0.1 * COLUMN * by_speed(SPEED) + RNG.normal(size=400)
     assert said(monkeypatch, force) == moving
+
+
+@pytest.mark.parametrize(("by_speed", "moving"), [(lambda s: np.ones_like(s), False), (lambda s: s, True)])
+def test_what_the_background_takes_is_seen_between_slow_and_fast(monkeypatch, by_speed, moving):
+    assert said(monkeypatch, 0.1 * COLUMN * by_speed(SPEED) + RNG.normal(size=400), hides=True) == moving
 
 
 def test_flights_that_never_rest_show_nothing(monkeypatch):
