@@ -24,8 +24,8 @@ def only_in_motion(case: Case, found: Refined, which: int) -> bool:
     """Whether an effect of a set depends on the speed, and less than half of it is left at rest.
 
     ``which``: an effect of one parameter. It is asked twice. First with all that the background and errors of terms may
-    explain. They may take a large part of such a force, each far beyond its standard deviation, and leave one that
-    does not go with the speed. So the slow and the fast half of the rows are also compared without them.
+    explain. Far beyond their standard deviation, they may take what goes with the speed. So the slow and the fast half
+    of the rows are also compared without them.
     """
     mine = int(np.flatnonzero(np.repeat(found.chosen, [case.effects[i].width for i in found.chosen]) == which)[0])
     unit = case.evidence.unit[case.evidence.columns(found.chosen)]
@@ -54,8 +54,8 @@ def _beside_all(case: Case, found: Refined, columns: Pair, speed: Sequence[np.nd
 
 
 def _halves(case: Case, columns: Pair, speed: Sequence[np.ndarray], seen: Seen, size: np.ndarray, mine: int) -> bool:
-    """Least squares of the force with one size in the slow half of the rows and one in the fast half, and the line
-    through both. It is followed no further below the slow half than from there to the fast one."""
+    """The effect has one size in the slow half of the rows and one in the fast half, by least squares of the force. The
+    line through both is followed no further below the slow half than from there to the fast one."""
     middle = float(np.median(speed[0]))
     slow, fast = speed[0] < middle, speed[0] >= middle
     if not slow.any():
