@@ -406,7 +406,7 @@ class Evidence:
 
 
 def _both(share: np.ndarray, pushed: np.ndarray, turned: np.ndarray) -> np.ndarray:
-    """(P,) variance of the size of a disturbance that has to imitate its force and its moment at once: a tilt of the
+    """(P,) variance of the size of a disturbance, whose force and moment have to be imitated at once. A tilt of the
     markers is no wind, which also turns the vehicle. ``share``: of the force; ``pushed``, ``turned``: what imitates
     either."""
     told = share**2 / np.maximum(pushed, 1e-12) + (1.0 - share) ** 2 / np.maximum(turned, 1e-12)
