@@ -186,7 +186,7 @@ def background_of(wrench: Wrench, space: Space, effects: Sequence[Effect], arm: 
         there = so3.rotate_inverse(turned, wrench.of("velocity_m_s", turns))
         push = np.sqrt(np.mean(wrench.of("motor", turns) ** 2, axis=1))
         about = 1.0 / arm[None, :, None]
-        at_place = smooth(wrench.of("position_m", turns), PLACE_LENGTH)
+        at_place = _varying(smooth(wrench.of("position_m", turns), PLACE_LENGTH), wrench.flight[turns])
         across = there[:, [1, 0, 2]] * [1.0, 1.0, 0.0]
         in_air, by_thrust = smooth(there, AIR_LENGTH), smooth(push[:, None], THRUST_LENGTH)
         for name, axes in (("turn", (0, 1)), ("yaw", (2,))):  # yaw has little authority, and little that disturbs it
