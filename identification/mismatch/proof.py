@@ -277,14 +277,6 @@ def prediction_errors(model: Model, tracks: Sequence[Track], numbers: Sequence[i
     return _told(sums / np.maximum(counts, 1)[:, None, None], tracks)
 
 
-def steady_path(tracks: Sequence[Track], steps: int) -> float:
-    """m: mean error of the position after so many rows if velocity stays as it is, from the starts of predictions."""
-    away = [np.linalg.norm(t.position_m[starts] + t.velocity_m_s[starts] * (t.time_s[starts + steps]
-            - t.time_s[starts])[:, None] - t.position_m[starts + steps], axis=1)
-            for t in tracks for starts in [window_starts(t)] if len(starts)]
-    return float(np.concatenate(away).mean()) if away else float("nan")
-
-
 def _told(errors: np.ndarray, tracks: Sequence[Track]) -> np.ndarray:
     """errors (..., 4) without those of the quantities that were given."""
     if any(t.forces_only for t in tracks):

@@ -17,8 +17,8 @@ from nanobench_tools.physics.term_words import in_words
 
 from ..diagnosis import open_case, verdict_of_flights
 from ..equivalent import Equivalent
-from ..headline import HOVER_M, good_for, headline
-from ..proof import HORIZONS, floor_of, steady_path
+from ..headline import good_for, headline
+from ..proof import HORIZONS, floor_of
 from ..recordings import Recordings
 from ..space import space_around
 from ..verdict import Verdict, data_faults, improved, not_asked, only_translation
@@ -96,8 +96,7 @@ def body_of(case: Case, decision: Decision, improvement: Improvement, repeat: Re
                                                 WHOLE: unnamed(case, decision.found)[0]}
     findings = [_entry(f, recordings) for f in decision.findings]
     path_m = row_of(improvement.after, HALF_SECOND)["position_m"]
-    unknown = (_unknown(decision, left, repeat if path_m and repeat.matters(path_m) else None, recordings)
-               or _useless(path_m, recordings))
+    unknown = _unknown(decision, left, repeat if path_m and repeat.matters(path_m) else None, recordings)
     outcome = "named" if findings else "unknown" if unknown else "data_fault" if recordings.forbidding else "none"
     body: dict[str, Any] = {
         "outcome": outcome, "findings": findings, "unknown": unknown,
@@ -144,18 +143,6 @@ def _unknown(decision: Decision, left: Mapping[str, float], repeat: Repeat | Non
         hint += f"; known from other flights, it explains {100.0 * repeat.share:.0f} % of the slow force"
     return {"where": {"axes": ["force"], "kind": most, "flights": flights}, "bound_m_s2": 2.0 * size, "hint": hint,
             "hides": list(decision.hidden)}
-
-
-def _useless(path_m: float | None, recordings: Recordings) -> dict[str, Any] | None:
-    """Physics that no force shows and that predictions do: the path after half a second is predicted too badly for
-    hover, and worse than by a velocity that stays as it is."""
-    steady_m = steady_path(recordings.tracks, HORIZONS[HALF_SECOND])
-    if path_m is None or not path_m > max(HOVER_M, steady_m):
-        return None
-    hint = (f"the path after 0.5 s is predicted worse ({path_m:.2f} m) than by a velocity that stays as it is "
-            f"({steady_m:.2f} m)")
-    return {"where": {"axes": ["force"], "kind": "prediction", "flights": list(recordings.names)},
-            "bound_m_s2": 2.0 * path_m / 0.5**2, "hint": hint, "hides": []}
 
 
 WORDS = {"place": "the place", "air": "the air velocity", "thrust": "the thrust", "lean": "the direction of lean",

@@ -19,7 +19,7 @@ from identification.mismatch.pictures import pictures
 from identification.mismatch.posterior import decision
 from identification.mismatch.posterior.certainty import sizes_of
 from identification.mismatch.posterior.decision import decide
-from identification.mismatch.posterior.posterior_engine import _unknown, _useless, diagnose, verdict_body, weighed
+from identification.mismatch.posterior.posterior_engine import _unknown, diagnose, verdict_body, weighed
 from identification.mismatch.posterior.sizing import refine
 from identification.mismatch.recordings import Recordings
 from identification.mismatch.space import with_other_map
@@ -237,24 +237,3 @@ def test_what_is_left_is_unknown_if_it_is_large_or_may_hide_an_effect(force, str
         assert found["bound_m_s2"] == pytest.approx(2.0 * np.hypot(force, strained))
         assert found["hides"] == list(hidden)
         assert (not hidden or "it may hide thrust by battery voltage: too small" in found["hint"])
-
-
-@pytest.mark.parametrize(("path_m", "unknown"), [(0.2, False), (0.26, True), (None, False)])
-def test_a_path_predicted_worse_than_a_constant_velocity_is_unknown(path_m, unknown):
-    """With 2 m/s^2 along x, a velocity that stays as it is misses by .25 m after half a second."""
-    track = track_of(MODEL, 3)
-    along = np.outer(track.time_s, [1.0, 0.0, 0.0])
-    track = replace(track, position_m=along**2 + along, velocity_m_s=2.0 * along + [1.0, 0.0, 0.0])
-    found = _useless(path_m, SimpleNamespace(tracks=[track], names=["one"]))
-    assert (found is not None) == unknown
-    assert not unknown or ("0.26 m" in found["hint"] and "0.25 m" in found["hint"])
-    assert not unknown or found["bound_m_s2"] == pytest.approx(2.08)
-
-
-def test_a_path_good_enough_for_hover_is_not_unknown():
-    """Whatever a constant velocity predicts: here it is right."""
-    track = track_of(MODEL, 3)
-    still = replace(track, position_m=np.outer(track.time_s, [1.0, 0.0, 0.0]),
-                    velocity_m_s=np.tile([1.0, 0.0, 0.0], (len(track), 1)))
-    assert _useless(0.12, SimpleNamespace(tracks=[still], names=["one"])) is None
-    assert _useless(0.13, SimpleNamespace(tracks=[still], names=["one"])) is not None
