@@ -1,8 +1,9 @@
 # %% [markdown]
-# # A wind that three flights cannot show
+# # A wind, or a shifted centre of mass
 #
-# This simulator believes in a wind of 1 m/s. The SYNTHETIC flights were in still air. They are too few and too alike
-# to show what is wrong: the outcome is `unknown`, with the effects that it may be. The diagnosis does not guess.
+# This simulator believes in a wind of 1 m/s. The SYNTHETIC flights were in still air. Three flights at one heading show
+# that something turns the vehicle, and not what. A wind, a shifted centre of mass and unequal motors are one finding.
+# The diagnosis does not guess between them.
 
 # %%
 import nanobench_tools as nb

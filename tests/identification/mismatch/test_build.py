@@ -20,14 +20,14 @@ from nanobench_tools import so3
 
 @pytest.mark.parametrize(("most", "is_wind"), [(0.0, True), (1.0, False)])
 def test_thrust_that_follows_the_lean_is_no_wind(monkeypatch, most, is_wind):
-    """0.15 m/s^2 along z with the lean towards x. Without columns for it, a wind and a constant force are taken large
+    """0.6 m/s^2 along z with the lean towards x. Without columns for it, a wind and a constant force are taken large
     against each other: equal along x and y, but not along z. The tracked point is the centre of mass here."""
     monkeypatch.setattr(background, "TRACKED", 1e-6)
     monkeypatch.setattr(set_evidence, "CAPS", {**set_evidence.CAPS, "lean": most})
     wrench = wrench_of(MODEL, flights=2, seconds=8.0)
     force, torque = wrench.measured
     lean = so3.matrix(wrench.quaternion[wrench.force_at])[:, 0, 2]
-    wrench.__dict__["measured"] = force + 0.15 * (lean / lean.std())[:, None] * [0.0, 0.0, 1.0], torque
+    wrench.__dict__["measured"] = force + 0.6 * (lean / lean.std())[:, None] * [0.0, 0.0, 1.0], torque
     evidence = build(wrench, space_around(MODEL, wrench.unasked), MODEL).evidence
     evidence.learn()
     wind = next(i for i, e in enumerate(evidence.effects) if e.term == "wind")

@@ -18,7 +18,7 @@ from identification.mismatch.posterior.background import (
 )
 from identification.mismatch.posterior.effects import Effect
 from identification.mismatch.posterior.posterior_engine import STRAINED, WHOLE
-from identification.mismatch.posterior.set_evidence import Evidence
+from identification.mismatch.posterior.set_evidence import Evidence, _both
 
 
 def small_case(seed: int = 0, terms: tuple[str, str] = ("wind", "inflow"), lift_spread: float = 0.0):
@@ -56,7 +56,15 @@ def test_a_shared_moment_has_to_exceed_the_scatter_about_its_own_axis():
     case.varying[5, 1] = 0.5
     share = np.zeros((6, 2))
     share[0, 0], share[3, 0], share[5, 1] = 0.36, 0.64, 1.0
-    assert case._turned(share) == pytest.approx([0.08, 0.6 * np.sqrt(0.5)])
+    assert np.sqrt(case._turned(share)) == pytest.approx([0.08, 0.6 * np.sqrt(0.5)])
+
+
+def test_a_disturbance_has_to_be_imitated_in_force_and_moment_at_once():
+    """The size of the first, which pushes alone, is as uncertain as its force. The second pushes and turns: two
+    readings of one size, with standard deviations of .5 / .8 and .3 / .6."""
+    share = np.array([1.0, 0.64])
+    variance = _both(share, np.array([0.25, 0.25 * 0.64]), np.array([0.0, 0.09 * 0.36]))
+    assert variance == pytest.approx([0.25, 1.0 / (0.64 / 0.25 + 0.36 / 0.09)])
 
 
 def test_evidence_is_that_of_the_normal_distribution(monkeypatch):
