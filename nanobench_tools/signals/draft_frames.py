@@ -92,7 +92,8 @@ def _turn(draft: Draft, stream: str, world: np.ndarray, body: np.ndarray, why: s
     axes += f"/{name_of(body, False)}" if rotated and stream in ROTATED else ""
     draft.frames[stream] = axes
     alike = axes[1] == "U" and not draft.columns("imu", GYRO)  # which turns the other way in a mirrored world
-    mirrored = "; those of Unity are left-handed and look alike: negate z there" * alike
+    turned = " with qx and qy" * ((stream, "qw") in draft.mapped)
+    mirrored = f"; those of Unity are left-handed and look alike: negate z{turned} there" * alike
     draft.notes.append(f"{stream}: in {axes} axes, turned to z up and x forward, since {why}{mirrored}")
 
 

@@ -110,6 +110,28 @@ def test_axes_that_no_name_states_are_shown_by_the_flight(tmp_path, world, frame
         np.testing.assert_allclose(flight["imu"]["gyro_x", "gyro_y", "gyro_z"], w, atol=1e-5)
 
 
+def test_the_advice_for_a_left_handed_world_gives_the_flight_as_it_was(tmp_path):
+    """Unity: x to the right, y up, z ahead. A mirror leaves the components of a quaternion along its plane's normal."""
+    t, p, *_, turn, _ = flown()
+    ahead = EAST_UP_SOUTH * [[1.0], [1.0], [-1.0]]
+    q = type(turn).from_matrix(ahead @ turn.as_matrix() @ ahead.T).as_quat()
+    table = {"t": t, **dict(zip("xyz", (p @ ahead.T).T, strict=True)),
+             **{f"q{axis}": q[:, i] for i, axis in enumerate("xyzw")}}
+    rows = [",".join(table), *(",".join(f"{c:.7g}" for c in row) for row in zip(*table.values(), strict=True))]
+    (tmp_path / "flight.csv").write_text("\n".join(rows) + "\n")
+    draft = draft_columns(tmp_path / "flight.csv")
+    assert any("negate z with qx and qy there" in note for note in draft.notes)
+    text = draft.text
+    for name in ("z", "qx", "qy"):
+        text = text.replace(f'column = "{name}",', f'column = "{name}", sign = -1,')
+    (tmp_path / "map.toml").write_text(text)
+    (flight,) = load_recordings([tmp_path / "flight.csv"], columns=tmp_path / "map.toml", cache=False).flights
+    mocap = flight["mocap"]
+    np.testing.assert_allclose(mocap["px", "py", "pz"], p, atol=1e-5)
+    read = type(turn).from_quat(mocap["qx", "qy", "qz", "qw"])
+    np.testing.assert_allclose((read.inv() * turn).magnitude(), 0.0, atol=1e-5)
+
+
 def steep():
     """``flown``, twice as wide and as fast: leaning by 40 degrees in most rows, at rest on the ground at both ends."""
     step = 0.01
