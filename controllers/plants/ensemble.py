@@ -25,7 +25,7 @@ DRAG = 0.20
 """Drag and its moment are between 1 - DRAG and 1 + DRAG of the identified ones, in addition to the scatter of the
 draws."""
 NOISE = (0.5, 2.0)
-"""Sensor noise and estimator errors over those of the recordings."""
+"""Sensor noise over that of the recordings."""
 MEDIAN_DELAY_S = 0.03
 MEDIAN_HOVER_V = number("control.ensemble.median_hover_v")
 GUST_S = number("control.ensemble.gust_s")
@@ -60,7 +60,6 @@ class Ensemble:
     hover_V: np.ndarray
     resistance_ohm: np.ndarray
     delay_s: np.ndarray
-    error: np.ndarray
     noise: np.ndarray
     push_m_s2: np.ndarray
     radio_s: np.ndarray
@@ -72,7 +71,7 @@ class Ensemble:
     def repeated(self, times: int) -> Ensemble:
         """The whole ensemble ``times`` times, one after the other."""
         rows = {name: np.concatenate([getattr(self, name)] * times) for name in (
-            "parameters", "hover_V", "resistance_ohm", "delay_s", "error", "noise", "push_m_s2", "radio_s")}
+            "parameters", "hover_V", "resistance_ohm", "delay_s", "noise", "push_m_s2", "radio_s")}
         return Ensemble(self.model, seeds=self.seeds * times, **rows)
 
     def plant(self, position_m: np.ndarray, late: bool = False) -> Plant:
@@ -108,7 +107,7 @@ class Ensemble:
 
     def sensing(self, outages: tuple[tuple[float, float], ...] = ()) -> Sensing:
         """Of every plant its own."""
-        return Sensing(self.delay_s, self.error, self.noise, outages)
+        return Sensing(self.delay_s, self.noise, outages)
 
     def rngs(self, purpose: int) -> list[np.random.Generator]:
         """One generator for each plant."""
@@ -135,7 +134,7 @@ def draw(simulator: str, n: int, seed: int = 0, draws: tuple[tuple[str, ...], np
     middle = values.mean(axis=0)
     ratio = np.where(np.abs(middle) > 1e-12, values / np.where(np.abs(middle) > 1e-12, middle, 1.0), 1.0)
     parameters = np.tile(model.values, (n, 1))
-    rest = {name: np.empty(n) for name in ("hover_V", "resistance_ohm", "delay_s", "error", "noise")}
+    rest = {name: np.empty(n) for name in ("hover_V", "resistance_ohm", "delay_s", "noise")}
     seeds = tuple((seed, i) for i in range(n))
     for i in range(n):
         median = i == 0
@@ -145,7 +144,7 @@ def draw(simulator: str, n: int, seed: int = 0, draws: tuple[tuple[str, ...], np
             if name in model.names and not median:
                 parameters[i, model.index(name)] *= factor
         load, drag, moment, volt, delay, cell = rng.uniform(-1.0, 1.0, 6)
-        size = np.exp(rng.uniform(np.log(NOISE[0]), np.log(NOISE[1]), 2))
+        noise = np.exp(rng.uniform(np.log(NOISE[0]), np.log(NOISE[1]), 2))[1]  # two, so that plants stay as they were
         imbalance = 0.6 * VEHICLE["motor_imbalance"].spread * rng.standard_normal(4)
         if not median:
             _scale(model, parameters[i], "mass.m", 1.0 + PAYLOAD * load)
@@ -157,7 +156,7 @@ def draw(simulator: str, n: int, seed: int = 0, draws: tuple[tuple[str, ...], np
         rest["delay_s"][i] = MEDIAN_DELAY_S if median else _between(DELAY_S, delay)
         resistance = VEHICLE["resistance_ohm"]
         rest["resistance_ohm"][i] = resistance.value + (0.0 if median else 2.0 * resistance.spread * cell)
-        rest["error"][i], rest["noise"][i] = (1.0, 1.0) if median else size
+        rest["noise"][i] = 1.0 if median else noise
     return Ensemble(model, parameters, push_m_s2=np.full(n, VEHICLE["disturbance_m_s2"].value),
                     radio_s=np.full(n, radio_s), seeds=seeds, **rest)
 

@@ -81,7 +81,7 @@ class Onboard:
     """n filters, begun where the vehicles are. Poses every 1 / pose_hz s arrive LEAD_S later than the estimated
     position is to be (``Sensing.delay_s``), except in outages. While the radio is ``Sensing.shut`` they wait, and come
     all at once. The accelerometer shows the mean of a step. ``belief`` (n, 13): what the filters begin with, else the
-    truth. Errors are the filter's own; ``Sensing.error`` is not used.
+    truth. Errors are the filter's own.
     """
 
     def __init__(self, plant: Plant, sensing: Sensing, rngs: Sequence[np.random.Generator],

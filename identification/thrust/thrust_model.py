@@ -20,7 +20,7 @@ from .flight_rows import Flown
 from .inverse import Inverse, invert
 from .map_export import Exported, casadi_function, export, flight_terms
 from .stand_fit import Fit
-from .stand_series import MOTORS, Stand
+from .stand_series import Stand
 from .thrust_formula import ThrustFormula, formula_of, voltage_varies, written
 from .thrust_rows import Rows, cases_of, fit_to_fly, flown_rows, load, sort_out, stand_rows
 from .thrust_study import DRAWS, File, Study, errors, study, target
@@ -122,17 +122,6 @@ class ThrustModel:
         return formula_of(written(self.fit_.map, self.fit_.values, self.scale_),
                           self.predict, self.mass_kg, GRAVITY_M_S2, (float(volts.min()), float(volts.max())),
                           varies)
-
-    def predict_interval(self, pwm: np.ndarray, voltage: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(low, high) [N] that holds 95 % of the rows of a new file, per motor; from files that were held out."""
-        half = self.half_width_N_
-        thrust = self.predict(pwm, voltage)
-        return np.maximum(thrust - half, 0.0), thrust + half
-
-    @property
-    def half_width_N_(self) -> float:
-        width = self.study_.half_width[self.best_]
-        return width * self.mass_kg / MOTORS if self.kind_ == "flight" else width
 
     def inverse(self, thrust_N: np.ndarray, voltage: np.ndarray) -> Inverse:
         """PWM ratio for a thrust [N] of one motor at a battery voltage [V], with the limit the voltage sets."""

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from .. import so3
 from .alignment import checked_pair
 from .timing import constant_delay
-from .trajectory import rms
+from .trajectory import velocity_rmse
 
 DIVERGENCE_M = 0.5
 """A row further than this from its setpoint counts as diverged (NanoBench, Task 2)."""
@@ -105,28 +105,6 @@ def setpoint_velocity(time_s: np.ndarray, setpoint_m: np.ndarray, window: int = 
         raise ValueError(f"{len(time_s)} rows are fewer than the {window} of the derivative's window")
     step_s = float(np.median(np.diff(time_s)))
     return np.asarray(savgol_filter(setpoint_m, window, order, deriv=1, delta=step_s, axis=0))
-
-
-def velocity_rmse(velocity_m_s: np.ndarray, reference_m_s: np.ndarray) -> float:
-    """Compute sqrt(mean |v - v_sp|^2) over the 3-vector.
-
-    Parameters
-    ----------
-    velocity_m_s, reference_m_s : ndarray
-        (n, 3) m/s, in the same frame.
-
-    Returns
-    -------
-    float
-        m/s.
-
-    Raises
-    ------
-    ValueError
-        For other shapes, no rows, or values that are not finite.
-    """
-    velocity, reference = checked_pair(velocity_m_s, reference_m_s)
-    return rms(np.linalg.norm(velocity - reference, axis=1))
 
 
 def published_velocity_rmse(time_s: np.ndarray, velocity_m_s: np.ndarray, setpoint_m: np.ndarray) -> float:

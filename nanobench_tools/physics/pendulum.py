@@ -34,12 +34,6 @@ def swing(acceleration_m_s2: np.ndarray, row_s: float, length_m: float, mass_kg:
     return found
 
 
-def frequencies_hz(length_m: float, mass_share: float) -> tuple[float, float]:
-    """(knot held, vehicle free to follow) for a load of ``mass_share`` of the vehicle's mass."""
-    held = math.sqrt(GRAVITY_M_S2 / length_m) / (2.0 * math.pi)
-    return held, held * math.sqrt(1.0 + mass_share)
-
-
 def lengths_m(frequency_hz: float, mass_share: float) -> tuple[float, float]:
     """(shortest, longest) string that swings at this frequency, as the knot is held or the vehicle follows."""
     held = GRAVITY_M_S2 / (2.0 * math.pi * frequency_hz) ** 2

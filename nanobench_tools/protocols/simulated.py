@@ -11,7 +11,7 @@ import numpy as np
 from .. import so3
 from ..metrics import tracking
 from ..metrics.timing import constant_delay
-from ..metrics.trajectory import rms
+from ..metrics.trajectory import rms, velocity_rmse
 from ..practice.references import FAMILIES, RECORDED, PathSpec, family_named, path_spec
 from ..results.result import OPTIONAL, Result
 
@@ -237,7 +237,7 @@ def _metrics(t: np.ndarray, position: np.ndarray, velocity: np.ndarray, quaterni
     delay = constant_delay(t, position, t, goal, MOST_LAG_S) if moves and not lost else None
     heading = np.nan_to_num(so3.euler_zyx(quaternion)[:, 2])
     return {"rmse_m": rms(errors), "ade_m": float(errors.mean()),
-            "velocity_rmse_m_s": tracking.velocity_rmse(velocity, speed),
+            "velocity_rmse_m_s": velocity_rmse(velocity, speed),
             "heading_deg": tracking.heading_error_deg(heading, yaw),
             "divergence_percent": tracking.divergence_percent(errors),
             "rmse_lag_removed_m": rms(errors) if delay is None else delay.rmse_after_m,

@@ -24,7 +24,7 @@ from ..flight import Flight, Span, intersect_spans
 from ..flight import mask_of as inside
 from ..metrics import tracking
 from ..metrics.statistics import Summary
-from ..metrics.trajectory import rms
+from ..metrics.trajectory import rms, velocity_rmse
 from ..results.result import INLINE, OPTIONAL, Result
 from ..sources.labels import UNKNOWN, family_of, speed_of
 from .phases import is_cut, tracking_spans
@@ -219,7 +219,7 @@ def score_tracking(case: Case) -> Tracked:
     motor = stream["m1", "m2", "m3", "m4"][inside(case.spans, stream.time_s)]
     return Tracked(len(errors), {
         "rmse_m": rms(errors), "ade_m": float(errors.mean()),
-        "velocity_rmse_m_s": tracking.velocity_rmse(velocity[whole], target_speed),
+        "velocity_rmse_m_s": velocity_rmse(velocity[whole], target_speed),
         "heading_deg": tracking.heading_error_deg(yaw[rows], setpoint_yaw[rows]),
         "divergence_percent": tracking.divergence_percent(errors),
         "rmse_lag_removed_m": left_m, "lag_s": lag_s,

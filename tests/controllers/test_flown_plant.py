@@ -8,7 +8,7 @@ from controllers.plants.closed_loop import fly
 from controllers.plants.ensemble import draw, shipped_draws, shipped_simulator
 from controllers.plants.kalman_senses import Onboard
 from controllers.plants.plant import Cell, Plant, Trace, closed_loop_model, hover_ratio, share_of_firmware
-from controllers.plants.senses import Late, Sensing
+from controllers.plants.senses import Sensing
 from nanobench_tools import so3
 from nanobench_tools.errors import InputError, UsageError
 from nanobench_tools.firmware.onboard import PidCascade
@@ -17,7 +17,7 @@ from nanobench_tools.physics import Model, Vehicle, numeric
 from nanobench_tools.physics.simulator import loads
 
 MODEL = loads(shipped_simulator()).without("command_delay")
-QUIET = Sensing(error=0.0, noise=0.0, pose_noise_m=0.0)
+QUIET = Sensing(noise=0.0, pose_noise_m=0.0)
 
 
 def start(n, height=1.0, yaw=0.0):
@@ -155,14 +155,12 @@ def test_the_filter_takes_the_pull_of_the_air_for_tilt():
     believed = np.degrees(pull / 9.81)
     assert max(abs(roll), abs(yaw)) < 0.05
     assert 0.5 < pitch / believed < 1.05  # part of it, as the poses' attitude says level
-    late = Late(one, QUIET, rngs(1), 10)
-    assert np.array_equal(late.read(0)[1], one.state[3:6].T)
 
 
 def cruising(shut=None, n=1, delay_s=0.020):
     """(velocity over the true one (n,), estimated place less the true one (m, n)), filters carried along x at 1 m/s."""
     crowd = plant(n, states=start(n))
-    senses = Onboard(crowd, Sensing(delay_s, 0.0, 0.0, pose_noise_m=0.0, shut=shut), rngs(n),
+    senses = Onboard(crowd, Sensing(delay_s, 0.0, pose_noise_m=0.0, shut=shut), rngs(n),
                      belief=np.tile([0, 0, 1.0, 1.0, 0, 0, 0, 0, 0, 1, 0, 0, 0], (n, 1)))
     seen = []
     for k in range(3000):
@@ -236,7 +234,7 @@ class Constant:
 def test_bad_controllers_are_named(controller, error, words):
     one = plant()
     with pytest.raises(error, match=words):
-        fly(one, Late(one, QUIET, rngs(1), 3), controller, told([0, 0, 1.0]), 3)
+        fly(one, Onboard(one, QUIET, rngs(1)), controller, told([0, 0, 1.0]), 3)
 
 
 def test_bad_plants_are_refused():
