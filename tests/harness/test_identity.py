@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from harness_work import score
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nanobench_tools import Flight, Provenance, make_stream
@@ -44,6 +44,7 @@ json_like = st.recursive(st.none() | st.booleans() | st.integers() | st.floats(a
                          lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner), max_leaves=6)
 
 
+@settings(max_examples=40)
 @given(json_like, json_like)
 def test_keys_are_equal_exactly_when_the_arguments_are(a, b):
     same = item_key(score, {"a": a}) == item_key(score, {"a": b})
